@@ -1,0 +1,164 @@
+"""The nouns that pass between the rooms: frames, corners, tracks, hypotheses, modes, motions.
+
+Plain data without behaviour that depends on anything but numpy, so that every room may import
+it. ``documents`` writes these very records as JSON; an array is ``float64`` or ``int64``.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+import numpy.typing as npt
+
+Floats = npt.NDArray[np.float64]
+Integers = npt.NDArray[np.int64]
+
+OUTLIER = 0
+"""Label of a track that belongs to no motion."""
+BACKGROUND = -1
+"""Label of a track that stands still under a static camera."""
+NOT_JUDGED = -2
+"""Label of a track that was seen too briefly to say anything."""
+IGNORED = -3
+"""True label of a track that must not be counted (mask value 255)."""
+
+
+@dataclass(frozen=True)
+class Frame:
+    """One picture: the path as given, its size in pixels, the SHA-256 of the file.
+
+    ``index`` is the frame number inside a video file, None for a picture.
+    """
+
+    path: str
+    width: int
+    height: int
+    sha256: str = ""
+    index: int | None = None
+
+
+@dataclass(frozen=True)
+class Camera:
+    """Pinhole intrinsics in pixels; ``distortion`` in OpenCV's order (k1, k2, p1, p2, k3, ...)."""
+
+    fx: float
+    fy: float
+    cx: float
+    cy: float
+    distortion: tuple[float, ...] = ()
+
+    @property
+    def matrix(self) -> Floats:
+        """The 3x3 calibration matrix K."""
+        return np.array([[self.fx, 0.0, self.cx], [0.0, self.fy, self.cy], [0.0, 0.0, 1.0]])
+
+
+@dataclass(frozen=True)
+class Corners:
+    """The corners of one frame: ``points`` [n, 2] pixels, ``responses`` [n], ``scales`` [n]."""
+
+    points: Floats
+    responses: Floats
+    scales: Floats
+
+
+@dataclass(frozen=True)
+class Tracks:
+    """Scene points followed through the frames.
+
+    ``points`` [P, F, 2] pixels, NaN (null in JSON) where a track is not seen; ``affines``
+    [P, 2, 2] is the local affine map of a match from frame 1 to frame 2, where the matcher knows
+    it; ``labels`` [P] are true labels (0 none, 1..n motions), where somebody gave them.
+    """
+
+    points: Floats
+    affines: Floats | None = None
+    labels: Integers | None = None
+
+    @property
+    def visible(self) -> npt.NDArray[np.bool_]:
+        """Where each track is seen, [P, F]."""
+        return np.asarray(np.isfinite(self.points).all(axis=-1))
+
+
+@dataclass(frozen=True)
+class Coordinates:
+    """How pixels became the coordinates in which a hypothesis is a point on its manifold.
+
+    Frame f of the set maps x to (x - ``centres``[f]) / ``scale``; ``centres`` is [F, 2] pixels and
+    ``scale`` is in pixels per unit, the same for every frame.
+    """
+
+    centres: Floats
+    scale: float
+
+
+@dataclass(frozen=True)
+class HypothesisSet:
+    """Hypotheses of one motion model on one choice of frames.
+
+    ``frames`` are indices into the document's frames; ``subsets`` [n, k] are indices of tracks;
+    ``points`` [n, ...] lie on ``manifold``; ``drawn`` is how many elemental subsets were tried.
+    """
+
+    model: str
+    manifold: str
+    frames: tuple[int, ...]
+    coordinates: Coordinates
+    subsets: Integers
+    points: Floats
+    drawn: int = 0
+
+
+@dataclass(frozen=True)
+class Mode:
+    """A local maximum of the kernel density of the hypotheses of set ``set``.
+
+    ``hypotheses`` counts the mean shift trajectories that end here, ``kde`` is the kernel density
+    (7) without its constant, ``motion`` the label of the motion that grew from it (0: none).
+    """
+
+    set: int
+    hypotheses: int
+    kde: float
+    point: Floats
+    motion: int = 0
+
+
+@dataclass(frozen=True)
+class Motion:
+    """A mode that survived selection, refitted to its inliers.
+
+    ``label`` is its number, 1 the one with most inliers; ``parameters`` is its point on the
+    manifold of ``set``'s model (``model`` names it: ``auto`` may choose per motion);
+    ``inliers`` are indices of tracks; ``scale`` is the standard deviation of its residuals and
+    ``rms`` their root mean square, in pixels; ``cost_saved`` is the description length that the
+    motion saves (nats), None where the selection does not reckon with it.
+    """
+
+    label: int
+    set: int
+    model: str
+    parameters: Floats
+    inliers: Integers
+    scale: float
+    rms: float
+    cost_saved: float | None = None
+
+
+@dataclass(frozen=True)
+class Segmentation:
+    """The outcome of ``cluster``: modes strongest first, motions, one label per track.
+
+    ``residuals`` [motions, P] in pixels, NaN where a track has none; ``notes`` are sentences for
+    the user: what was decided, and what could not be.
+    """
+
+    labels: Integers
+    modes: tuple[Mode, ...]
+    motions: tuple[Motion, ...]
+    bandwidths: tuple[float, ...]
+    residuals: Floats
+    assignments: tuple[Integers, ...] = ()
+    notes: tuple[str, ...] = field(default=())
