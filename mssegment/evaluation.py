@@ -37,9 +37,7 @@ class Evaluation:
 def is_counted(found: Integers, truth: Integers) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
     """Which of the tracks [P] count."""
     return np.asarray(
-        (found != NOT_JUDGED)
-        & (truth != IGNORED)
-        & ~((truth == OUTLIER) & (found == BACKGROUND))
+        (found != NOT_JUDGED) & (truth != IGNORED) & ~((truth == OUTLIER) & (found == BACKGROUND))
     )
 
 

@@ -1,0 +1,73 @@
+"""Files that are written whole or not at all, and standard input and output by the name ``-``."""
+
+from __future__ import annotations
+
+import os
+import sys
+import tempfile
+from pathlib import Path
+
+from mssegment.errors import DataError, UsageError
+
+STANDARD = "-"
+
+
+def read_bytes(path: str) -> bytes:
+    """The bytes of the file, or of standard input for ``-``.
+
+    Raises DataError where the file is missing, a folder, empty, or cannot be read.
+    """
+    if path == STANDARD:
+        content, name = sys.stdin.buffer.read(), "standard input"
+    else:
+        name = path
+        try:
+            content = Path(path).read_bytes()
+        except FileNotFoundError:
+            raise DataError(f"{path}: no such file; check the name") from None
+        except IsADirectoryError:
+            raise DataError(f"{path}: this is a folder, a file was expected") from None
+        except OSError as error:
+            raise DataError(f"{path}: cannot be read ({error.strerror})") from None
+    if not content.strip():
+        hint = "; did the stage before it fail?" if path == STANDARD else ""
+        raise DataError(f"{name}: empty, a document was expected{hint}")
+    return content
+
+
+def write_bytes(path: str, content: bytes) -> None:
+    """Writes the file whole or not at all: a temporary file beside it, fsync, rename.
+
+    ``-`` is standard output. Raises UsageError where the folder is missing or not writable.
+    """
+    if path == STANDARD:
+        sys.stdout.buffer.write(content)
+        sys.stdout.buffer.flush()
+        return
+    target = Path(path)
+    try:
+        handle, temporary = tempfile.mkstemp(prefix=f".{target.name}.", dir=target.parent)
+    except OSError as error:
+        raise UsageError(
+            f"{path}: cannot be written ({error.strerror}); choose another place with -o"
+        ) from None
+    try:
+        with os.fdopen(handle, "wb") as file:
+            file.write(content)
+            file.flush()
+            os.fsync(file.fileno())
+        os.chmod(temporary, 0o666 & ~_umask())
+        os.replace(temporary, target)
+    except OSError as error:
+        Path(temporary).unlink(missing_ok=True)
+        raise UsageError(f"{path}: cannot be written ({error.strerror})") from None
+    except BaseException:
+        Path(temporary).unlink(missing_ok=True)
+        raise
+
+
+def _umask() -> int:
+    # the only portable way to read it is to set it
+    mask = os.umask(0)
+    os.umask(mask)
+    return mask

@@ -1,0 +1,258 @@
+"""Find and open the frames: pictures, folders, globs, videos, or the frames of a document."""
+
+from __future__ import annotations
+
+import glob
+import hashlib
+import os
+import re
+from collections import OrderedDict
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from mssegment.errors import DataError, UsageError
+from mssegment.imaging import pictures
+from mssegment.imaging.pictures import Colour, Grey, Pixels
+from mssegment.imaging.videos import Video
+from mssegment.records import Frame
+
+CACHE_BYTES = 256 * 2**20
+"""Decoded pictures are kept up to this many bytes; beyond it they are decoded again."""
+
+
+class FrameSource:
+    """An ordered set of frames of one size, whose pictures are decoded when asked for.
+
+    ``frames`` are the records that go into a document. ``grey(i)`` is the picture that corners
+    and matchers work on, ``colour(i)`` the one to draw on.
+    """
+
+    def __init__(self, frames: Sequence[Frame]) -> None:
+        self.frames = tuple(frames)
+        self._videos: dict[str, Video] = {}
+        self._cache: OrderedDict[int, Pixels] = OrderedDict()
+        self._white: float | None = None
+
+    def __len__(self) -> int:
+        return len(self.frames)
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """Width and height of every frame, pixels."""
+        return self.frames[0].width, self.frames[0].height
+
+    def grey(self, index: int) -> Grey:
+        """Frame ``index`` as float32 [height, width], 0 to 255."""
+        return pictures.to_grey(self.pixels(index), self._white_level())
+
+    def greys(self) -> list[Grey]:
+        """Every frame, grey."""
+        return [self.grey(index) for index in range(len(self))]
+
+    def colour(self, index: int) -> Colour:
+        """Frame ``index`` as uint8 [height, width, 3], red first."""
+        return pictures.to_colour(self.pixels(index), self._white_level())
+
+    def pixels(self, index: int) -> Pixels:
+        """Frame ``index`` as it is stored; ``DataError`` where its file changed or vanished."""
+        if index in self._cache:
+            self._cache.move_to_end(index)
+            return self._cache[index]
+        picture = self._decode(self.frames[index])
+        self._keep(index, picture)
+        return picture
+
+    def _keep(self, index: int, picture: Pixels) -> None:
+        self._cache[index] = picture
+        while len(self._cache) > 1 and sum(p.nbytes for p in self._cache.values()) > CACHE_BYTES:
+            self._cache.popitem(last=False)
+
+    def _white_level(self) -> float:
+        """One level for all frames: a level for each would make the light flicker."""
+        if self._white is None:
+            self._white = pictures.white_level(self.pixels(0))
+        return self._white
+
+    def _decode(self, frame: Frame) -> Pixels:
+        if frame.index is not None:
+            if frame.path not in self._videos:
+                _check_sha256(frame, pictures.sha256(frame.path))
+                self._videos[frame.path] = Video(frame.path)
+            picture = self._videos[frame.path].read(frame.index)
+        else:
+            content = pictures.read_bytes(frame.path)
+            _check_sha256(frame, hashlib.sha256(content).hexdigest())
+            picture = pictures.decode(frame.path, content)
+        height, width = picture.shape[:2]
+        if (width, height) != (frame.width, frame.height):
+            raise DataError(
+                f"{frame.path}: {width}x{height} pixels, but the document says "
+                f"{frame.width}x{frame.height}; run `mssegment detect` again"
+            )
+        return picture
+
+
+def _check_sha256(frame: Frame, found: str) -> None:
+    if frame.sha256 and frame.sha256 != found:
+        raise DataError(
+            f"{frame.path}: SHA-256 {found[:12]}..., but the document was made from "
+            f"{frame.sha256[:12]}...; put the same file there, or run `mssegment detect` again"
+        )
+
+
+@dataclass(frozen=True)
+class _Range:
+    """Which frames of a video, or of the list of pictures, are wanted."""
+
+    start: int
+    stop: int | None
+    step: int
+
+    @classmethod
+    def checked(cls, start: int | None, stop: int | None, step: int | None) -> _Range:
+        first, by = start or 0, 1 if step is None else step
+        if first < 0:
+            raise UsageError(f"start is {first}, expected a frame number from 0")
+        if by < 1:
+            raise UsageError(f"step is {by}, expected 1 or more")
+        if stop is not None and stop <= first:
+            raise UsageError(f"stop is {stop}, expected a number above start ({first})")
+        return cls(first, stop, by)
+
+    def __str__(self) -> str:
+        return f"start {self.start}, stop {'end' if self.stop is None else self.stop}, step {self.step}"
+
+
+def open_frames(
+    inputs: Sequence[str],
+    start: int | None = None,
+    stop: int | None = None,
+    step: int | None = None,
+    *,
+    at_least: int = 2,
+) -> FrameSource:
+    """Open pictures, folders of pictures, globs and video files as one sequence of frames.
+
+    ``start`` (from 0), ``stop`` (exclusive) and ``step`` choose frame numbers of each video, and
+    positions in the list of all pictures, which folders and globs bring in natural order
+    (frame-2 before frame-10). Every picture is decoded once, so that a broken one is named here.
+
+    Raises ``DataError`` where a file is missing, empty, cut short or no picture, where sizes
+    differ, where the range holds nothing, or for fewer than ``at_least`` frames.
+    """
+    chosen = _Range.checked(start, stop, step)
+    if not inputs:
+        raise UsageError("no pictures given; expected files, a folder, a glob or a video")
+    paths = [path for given in inputs for path in _expand(given)]
+    are_videos = {path: not _is_picture(path) for path in dict.fromkeys(paths)}
+    stills = [path for path in paths if not are_videos[path]]
+    wanted = set(range(len(stills))[chosen.start : chosen.stop : chosen.step])
+    opened: list[tuple[Frame, Pixels]] = []
+    still = 0
+    for path in paths:
+        if are_videos[path]:
+            opened.extend(_open_video(path, chosen))
+        else:
+            if still in wanted:
+                opened.append(_open_picture(path))
+            still += 1
+    frames = [frame for frame, _ in opened]
+    _check_sizes(frames)
+    if len(frames) < at_least:
+        raise DataError(
+            f"{', '.join(inputs)}: {len(frames)} frame{'s' * (len(frames) != 1)} ({chosen}), "
+            f"expected at least {at_least}; name more pictures or widen the range"
+        )
+    source = FrameSource(frames)
+    for index, (_, picture) in enumerate(opened):
+        source._keep(index, picture)
+    return source
+
+
+def reopen_frames(frames: Sequence[Frame], folder: str | None = None) -> FrameSource:
+    """Open the frames that a document names, checked against their SHA-256 when decoded.
+
+    A relative path is looked for as given, then in ``folder`` (that of the document). Raises
+    ``DataError`` at once where a file is missing.
+    """
+    found: list[Frame] = []
+    for frame in frames:
+        path = frame.path
+        if not os.path.exists(path) and folder and os.path.exists(os.path.join(folder, path)):
+            path = os.path.join(folder, path)
+        if not os.path.exists(path):
+            raise DataError(
+                f"{frame.path}: the document was made from this file and it is not here; "
+                "run from the folder where it was made, or copy the pictures there"
+            )
+        found.append(Frame(path, frame.width, frame.height, frame.sha256, frame.index))
+    return FrameSource(found)
+
+
+def _expand(given: str) -> list[str]:
+    """The files that one argument stands for."""
+    if os.path.isdir(given):
+        inside = [
+            os.path.join(given, name)
+            for name in os.listdir(given)
+            if Path(name).suffix.lower() in pictures.PICTURE_SUFFIXES and not name.startswith(".")
+        ]
+        if not inside:
+            raise DataError(f"{given}: no pictures in this folder (PNG, JPEG, TIFF, BMP, ...)")
+        return sorted(inside, key=_natural)
+    if not os.path.exists(given) and glob.has_magic(given):
+        matching = [path for path in glob.glob(given, recursive=True) if os.path.isfile(path)]
+        if not matching:
+            raise DataError(f"{given}: no file matches this pattern")
+        return sorted(matching, key=_natural)
+    return [given]
+
+
+def _natural(path: str) -> list[tuple[int, int, str]]:
+    """Sort key under which numbers inside names count as numbers."""
+    parts = re.split(r"(\d+)", path)
+    return [(1, int(p), p) if p.isdecimal() else (0, 0, p) for p in parts]
+
+
+def _is_picture(path: str) -> bool:
+    """Whether to decode a file as a picture; anything else is tried as a video."""
+    try:
+        with Path(path).open("rb") as file:
+            head = file.read(16)
+    except OSError:
+        return True  # reading it will say what is wrong
+    if not head or pictures.looks_like_picture(path, head):
+        return True
+    with pictures.quiet():
+        return bool(pictures.cv2.haveImageReader(path))
+
+
+def _open_picture(path: str) -> tuple[Frame, Pixels]:
+    content = pictures.read_bytes(path)
+    picture = pictures.decode(path, content)
+    height, width = picture.shape[:2]
+    return Frame(path, width, height, hashlib.sha256(content).hexdigest()), picture
+
+
+def _open_video(path: str, chosen: _Range) -> list[tuple[Frame, Pixels]]:
+    video = Video(path)
+    digest = pictures.sha256(path)
+    opened = []
+    for index in video.indices(chosen.start, chosen.stop, chosen.step):
+        opened.append(index)
+    if not opened:
+        raise DataError(f"{path}: the video has no frame in the range ({chosen}); widen it")
+    first = video.read(opened[0])
+    height, width = first.shape[:2]
+    return [(Frame(path, width, height, digest, index), first) for index in opened]
+
+
+def _check_sizes(frames: Sequence[Frame]) -> None:
+    for frame in frames[1:]:
+        if (frame.width, frame.height) != (frames[0].width, frames[0].height):
+            raise DataError(
+                f"frames differ in size: {frames[0].path} has {frames[0].width}x"
+                f"{frames[0].height} pixels, {frame.path} has {frame.width}x{frame.height}; "
+                "use pictures of one size"
+            )

@@ -1,0 +1,82 @@
+"""Read numbered frames of a video file: forwards only, since seeking is not exact in OpenCV."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator
+
+import cv2
+import numpy as np
+
+from mssegment.errors import DataError
+from mssegment.imaging.pictures import Pixels, quiet
+
+
+class Video:
+    """Frames of one video file by number (0-based)."""
+
+    def __init__(self, path: str) -> None:
+        self.path = path
+        self._capture: cv2.VideoCapture | None = None
+        self._next = 0
+
+    def read(self, index: int) -> Pixels:
+        """Frame ``index`` [h, w, 3], blue first; ``DataError`` where the video is shorter."""
+        if self._capture is None or index < self._next:
+            self._open()
+        with quiet():
+            while self._next < index and self._grab():
+                pass
+            picture = self._retrieve() if self._next == index and self._grab() else None
+        if picture is None:
+            raise DataError(
+                f"{self.path}: cannot read frame {index}, the video has {self._next} frames "
+                "that can be decoded"
+            )
+        return picture
+
+    def indices(self, start: int, stop: int | None, step: int) -> Iterator[int]:
+        """The frame numbers of the range that are really in the file.
+
+        Counts by decoding: the number of frames that a file states is often wrong.
+        """
+        self._open()
+        for index in itertools.count():
+            if stop is not None and index >= stop:
+                return
+            with quiet():
+                more = self._grab()
+            if not more:
+                return
+            if index >= start and (index - start) % step == 0:
+                yield index
+
+    def close(self) -> None:
+        """Give the file back to the system."""
+        if self._capture is not None:
+            self._capture.release()
+            self._capture = None
+
+    def _open(self) -> None:
+        self.close()
+        with quiet():
+            capture = cv2.VideoCapture(self.path)
+            opened = capture.isOpened()
+        if not opened:
+            raise DataError(
+                f"{self.path}: neither a picture nor a video that OpenCV can read; "
+                "convert it (PNG, JPEG, MP4 and AVI work everywhere)"
+            )
+        self._capture, self._next = capture, 0
+
+    def _grab(self) -> bool:
+        assert self._capture is not None
+        if not self._capture.grab():
+            return False
+        self._next += 1
+        return True
+
+    def _retrieve(self) -> Pixels | None:
+        assert self._capture is not None
+        good, picture = self._capture.retrieve()
+        return np.asarray(picture) if good and picture is not None else None
