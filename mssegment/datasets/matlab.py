@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import io
+import struct
+import zlib
 from pathlib import Path
 from typing import Any
 
@@ -16,9 +19,12 @@ from mssegment.records import Floats
 def load_matlab(path: Path) -> Variables:
     """The variables of a Matlab file (version 4 to 7.2)."""
     try:
-        content: dict[str, Any] = scipy.io.loadmat(str(path))
-    except FileNotFoundError as error:
-        raise DataError(f"{path}: no such file") from error
+        raw = path.read_bytes()
+    except OSError as error:
+        raise DataError(f"{path}: cannot be read ({error.strerror})") from error
+    try:
+        _check_checksums(raw)
+        content: dict[str, Any] = scipy.io.loadmat(io.BytesIO(raw))
     except NotImplementedError as error:
         raise DataError(
             f"{path}: a Matlab 7.3 file (HDF5); save it with -v7 and try again"
@@ -29,6 +35,19 @@ def load_matlab(path: Path) -> Variables:
             "expected the .mat file as published"
         ) from error
     return {name: value for name, value in content.items() if not name.startswith("__")}
+
+
+def _check_checksums(raw: bytes) -> None:
+    """Unpack every compressed element once: scipy's parser crashes the process on damaged ones."""
+    if raw[126:128] not in (b"IM", b"MI"):
+        return
+    order = "<" if raw[126:128] == b"IM" else ">"
+    start, compressed = 128, 15
+    while start + 8 <= len(raw):
+        kind, size = struct.unpack_from(order + "II", raw, start)
+        if kind == compressed:
+            zlib.decompress(raw[start + 8 : start + 8 + size])
+        start += 8 + size
 
 
 def numbers(variables: Variables, name: str, path: Path, shape: tuple[int | None, ...]) -> Floats:
