@@ -87,11 +87,15 @@ class Coordinates:
     """How pixels became the coordinates in which a hypothesis is a point on its manifold.
 
     Frame f of the set maps x to (x - ``centres``[f]) / ``scale``; ``centres`` is [F, 2] pixels and
-    ``scale`` is in pixels per unit, the same for every frame.
+    ``scale`` is in pixels per unit, the same for every frame. For a calibrated camera ``scale`` is
+    fx, ``aspect`` is fy / fx, and ``rotation`` [3, 3] turns the rays of the second frame into the
+    orientation of the first (None: the camera did not turn).
     """
 
     centres: Floats
     scale: float
+    aspect: float = 1.0
+    rotation: Floats | None = None
 
 
 @dataclass(frozen=True)

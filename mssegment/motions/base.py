@@ -30,18 +30,31 @@ class MotionModel(ABC):
     needs_camera: ClassVar[bool] = False
     min_frames: ClassVar[int] = 2
     max_frames: ClassVar[int | None] = 2
+    min_displacement: ClassVar[float] = 0.0
+    """Pixels; a match that moved less says nothing about a motion and is in no subset."""
 
     manifold: Manifold
+    frames: int = 2
     subset_size: int
     """Tracks in an elemental subset."""
     parameters: int
     """Degrees of freedom of one motion: p in the price of a motion."""
     residual_dimension: int
     """Dimension c of the residual of one track, in the likelihood of a track."""
+    residual_terms: int = 1
+    """The squared residual vector of a track is this times its residual squared: 1, or F where
+    the residual is per frame. With noise sigma in each coordinate its mean is c sigma^2."""
 
-    @abstractmethod
-    def coordinates(self, points: Floats, camera: Camera | None) -> Coordinates:
-        """The coordinates in which this model sees the tracks ``points`` [P, F, 2] (pixels)."""
+    def coordinates(self, points: Floats, camera: Camera | None = None) -> Coordinates:
+        """The coordinates in which this model sees the tracks ``points`` [P, F, 2] (pixels).
+
+        Each view is centred, all are divided by their common rms radius (raw pixels make the
+        distance on the manifold a matter of the picture's corner).
+        """
+        del camera
+        centres = points.mean(axis=0)
+        radius = float(np.sqrt(((points - centres) ** 2).sum(axis=-1).mean()))
+        return Coordinates(centres, max(radius, 1.0))
 
     def observe(self, points: Floats, coordinates: Coordinates) -> Floats:
         """The tracks [P, F, 2] in the model's coordinates."""
@@ -58,18 +71,26 @@ class MotionModel(ABC):
     def fit(self, observed: Floats, weights: Floats) -> tuple[Floats, Flags]:
         """Least-squares motions of the tracks [P, F, 2] under the weights [B, P]; as above."""
 
+    def algebraic_fit(self, observed: Floats, weights: Floats) -> tuple[Floats, Flags]:
+        """M-hat of equation (24): minimizes the mean square of ``algebraic_residuals``."""
+        return self.fit(observed, weights)
+
     @abstractmethod
     def residuals(self, points: Floats, observed: Floats, coordinates: Coordinates) -> Floats:
         """Distances in pixels (per frame) of the tracks [P, F, 2] from the motions, [B, P]."""
 
     @abstractmethod
-    def algebraic_residuals(self, points: Floats, observed: Floats) -> Floats:
+    def algebraic_residuals(
+        self, points: Floats, observed: Floats, coordinates: Coordinates
+    ) -> Floats:
         """|M(p_i)| of equations (23) and (24), [B, P], in the units of the paper's table."""
 
-    @abstractmethod
     def free_extent(self, observed: Floats, coordinates: Coordinates) -> float:
         """Natural log of the extent (pixels) along which a motion leaves a track free.
 
         The part of a track's description that a motion does not predict, coded as uniform: zero
-        for affine and homography, the epipolar line for translation.
+        for affine and homography (the point of view 1 is given), for translation the epipolar
+        line, for factorization the k dimensions of the subspace.
         """
+        del observed, coordinates
+        return 0.0

@@ -1,0 +1,31 @@
+"""Motion models: ``make`` builds one by name, ``MODELS`` lists them. A new model is one line."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from mssegment.motions.affine import Affine
+from mssegment.motions.base import Flags, MotionModel
+from mssegment.motions.factorization import Factorization
+from mssegment.motions.homography import Homography
+from mssegment.motions.translation import Translation
+
+__all__ = ["MODELS", "Affine", "Factorization", "Flags", "Homography", "MotionModel"]
+__all__ += ["Translation", "make"]
+
+MODELS: dict[str, Callable[[int, int], MotionModel]] = {
+    "translation": lambda frames, rank: Translation(),
+    "factorization": Factorization,
+    "affine": lambda frames, rank: Affine(),
+    "homography": lambda frames, rank: Homography(),
+}
+"""Name -> how to build the model from the number of frames and the rank."""
+
+
+def make(name: str, *, frames: int = 2, rank: int = 3) -> MotionModel:
+    """The motion model ``name`` for tracks over ``frames`` frames.
+
+    ``rank`` is the dimension k of the subspaces of ``factorization`` (3 planar, 4 general).
+    Raises KeyError for an unknown name.
+    """
+    return MODELS[name](frames, rank)

@@ -1,0 +1,97 @@
+"""Affine motion between two views, a point of the affine group A(2), equation (26)."""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+import numpy as np
+
+from mssegment import manifolds
+from mssegment.motions.base import Flags, MotionModel
+from mssegment.records import Coordinates, Floats
+
+FLATTEST = 0.02
+"""Least height of an elemental triangle, over its longest side."""
+STRETCH = (0.2, 5.0)
+"""Singular values of A between which a motion is not absurd."""
+
+
+class Affine(MotionModel):
+    """x2 = A x1 + b; an elemental subset is three matches, the residual is the transfer error."""
+
+    name: ClassVar[str] = "affine"
+
+    def __init__(self) -> None:
+        self.manifold = manifolds.from_name("affine(2)")
+        self.subset_size = 3
+        self.parameters = 6
+        self.residual_dimension = 2
+
+    def minimal_fit(self, samples: Floats) -> tuple[Floats, Flags]:
+        """Three matches [B, 3, 2, 2] give A exactly; slivers and wild stretches are unsound."""
+        sound = ~(is_flat(samples[:, :, 0]) | is_flat(samples[:, :, 1]))
+        edges1 = np.swapaxes(samples[:, 1:, 0] - samples[:, :1, 0], 1, 2)
+        edges2 = np.swapaxes(samples[:, 1:, 1] - samples[:, :1, 1], 1, 2)
+        edges1 = np.where(sound[:, None, None], edges1, np.eye(2))
+        linear = edges2 @ np.linalg.inv(edges1)
+        shift = samples[:, 0, 1] - np.einsum("bij,bj->bi", linear, samples[:, 0, 0])
+        return self._checked(linear, shift, sound)
+
+    def fit(self, observed: Floats, weights: Floats) -> tuple[Floats, Flags]:
+        """Weighted least squares of the transfer error, about the weighted centroids."""
+        total = weights.sum(axis=1)
+        share = weights / np.where(total > 0, total, 1.0)[:, None]
+        mean1, mean2 = share @ observed[:, 0], share @ observed[:, 1]
+        d1 = observed[None, :, 0] - mean1[:, None]
+        d2 = observed[None, :, 1] - mean2[:, None]
+        scatter = np.einsum("bp,bpi,bpj->bij", share, d1, d1)
+        cross = np.einsum("bp,bpi,bpj->bij", share, d2, d1)
+        spread = np.linalg.eigvalsh(scatter)
+        sound = (total > 0) & (spread[:, 0] > 1e-6 * np.maximum(spread[:, 1], 1e-12))
+        scatter = np.where(sound[:, None, None], scatter, np.eye(2))
+        linear = np.swapaxes(np.linalg.solve(scatter, np.swapaxes(cross, 1, 2)), 1, 2)
+        shift = mean2 - np.einsum("bij,bj->bi", linear, mean1)
+        return self._checked(linear, shift, sound)
+
+    def residuals(self, points: Floats, observed: Floats, coordinates: Coordinates) -> Floats:
+        """Transfer error in view 2, pixels [B, P]."""
+        predicted = observed[:, 0] @ np.swapaxes(points[:, :2, :2], 1, 2) + points[:, None, :2, 2]
+        gap = predicted - observed[:, 1]
+        return np.asarray(np.hypot(gap[..., 0], gap[..., 1]) * coordinates.scale)
+
+    def algebraic_residuals(
+        self, points: Floats, observed: Floats, coordinates: Coordinates
+    ) -> Floats:
+        """The transfer error again: pixels, as in the table of Fig. 4."""
+        return self.residuals(points, observed, coordinates)
+
+    def _checked(self, linear: Floats, shift: Floats, sound: Flags) -> tuple[Floats, Flags]:
+        points = np.zeros((len(linear), 3, 3))
+        points[:, :2, :2], points[:, :2, 2], points[:, 2, 2] = linear, shift, 1.0
+        sound = sound & np.isfinite(points).all(axis=(1, 2))
+        return points, sound & is_plausible(linear)
+
+
+def is_plausible(linear: Floats) -> Flags:
+    """Which linear maps [..., 2, 2] have a real logarithm and stretch nothing absurdly."""
+    trace = linear[..., 0, 0] + linear[..., 1, 1]
+    determinant = linear[..., 0, 0] * linear[..., 1, 1] - linear[..., 0, 1] * linear[..., 1, 0]
+    # singular values from |A|^2 and det A
+    square = (linear**2).sum(axis=(-2, -1))
+    gap = np.sqrt(np.maximum(square**2 - 4 * determinant**2, 0.0))
+    largest, least = np.sqrt((square + gap) / 2), np.sqrt(np.maximum(square - gap, 0.0) / 2)
+    # both eigenvalues real and negative: no real logarithm
+    reversed_axes = (trace < 0) & (trace**2 >= 4 * determinant)
+    return np.asarray(
+        (determinant > 0) & ~reversed_axes & (least > STRETCH[0]) & (largest < STRETCH[1])
+    )
+
+
+def is_flat(triangles: Floats) -> Flags:
+    """Which triangles [..., 3, 2] are slivers or a single point."""
+    a, b = triangles[..., 1, :] - triangles[..., 0, :], triangles[..., 2, :] - triangles[..., 0, :]
+    twice_area = np.abs(a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0])
+    longest = np.maximum(
+        np.maximum((a**2).sum(axis=-1), (b**2).sum(axis=-1)), ((a - b) ** 2).sum(axis=-1)
+    )
+    return np.asarray(twice_area <= FLATTEST * longest + 1e-14)

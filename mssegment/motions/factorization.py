@@ -1,0 +1,82 @@
+"""Tracks of one body under an affine camera: a k-dimensional subspace of R^2F, section 5.4."""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+import numpy as np
+
+from mssegment import manifolds
+from mssegment.motions.base import Flags, MotionModel
+from mssegment.records import Camera, Coordinates, Floats
+
+LEAST_SINGULAR_VALUE = 1e-3
+"""Of a subset's vectors, over the largest one: below it they span fewer than k dimensions."""
+
+
+class Factorization(MotionModel):
+    """Feature vectors of one motion span a subspace; its elemental subset is k tracks.
+
+    ``rank`` k is 3 for planar bodies (the paper) and 4 in general. The residual is the distance
+    to the subspace in pixels per frame.
+    """
+
+    name: ClassVar[str] = "factorization"
+    min_frames: ClassVar[int] = 3
+    max_frames: ClassVar[int | None] = None
+
+    def __init__(self, frames: int, rank: int = 3) -> None:
+        self.manifold = manifolds.from_name(f"grassmann({2 * frames},{rank})")
+        self.frames = frames
+        self.rank = rank
+        self.subset_size = rank
+        self.parameters = rank * (2 * frames - rank)
+        self.residual_dimension = 2 * frames - rank
+        self.residual_terms = frames
+
+    def coordinates(self, points: Floats, camera: Camera | None = None) -> Coordinates:
+        """One origin for all frames, the middle of all tracks; divided by their rms radius.
+
+        Centring each frame would take away the path that all tracks share: the subspace of a body
+        that moves with the mean would lose a dimension.
+        """
+        del camera
+        middle = points.mean(axis=(0, 1))
+        radius = float(np.sqrt(((points - middle) ** 2).sum(axis=-1).mean()))
+        return Coordinates(np.tile(middle, (points.shape[1], 1)), max(radius, 1.0))
+
+    def minimal_fit(self, samples: Floats) -> tuple[Floats, Flags]:
+        """The span of k feature vectors [B, k, F, 2] by an SVD; fewer dimensions are unsound."""
+        vectors = np.swapaxes(samples.reshape(len(samples), self.rank, 2 * self.frames), 1, 2)
+        basis, values, _ = np.linalg.svd(vectors, full_matrices=False)
+        sound = values[:, -1] > LEAST_SINGULAR_VALUE * np.maximum(values[:, 0], 1e-12)
+        return basis, np.asarray(sound)
+
+    def fit(self, observed: Floats, weights: Floats) -> tuple[Floats, Flags]:
+        """The k leading principal directions of the weighted feature vectors."""
+        vectors = observed.reshape(len(observed), -1)
+        scatter = np.einsum("bp,pi,pj->bij", weights, vectors, vectors, optimize=True)
+        values, directions = np.linalg.eigh(scatter)
+        leading = values[:, -self.rank]
+        sound = leading > 1e-12 * np.maximum(values[:, -1], 1e-12)
+        return directions[:, :, : -self.rank - 1 : -1], np.asarray(sound)
+
+    def residuals(self, points: Floats, observed: Floats, coordinates: Coordinates) -> Floats:
+        """Distance to the subspace over sqrt(F), pixels [B, P]."""
+        distance = self.algebraic_residuals(points, observed, coordinates)
+        return np.asarray(distance / np.sqrt(self.frames))
+
+    def algebraic_residuals(
+        self, points: Floats, observed: Floats, coordinates: Coordinates
+    ) -> Floats:
+        """Distance of the feature vector to the subspace, pixels, as in the table of Fig. 3."""
+        vectors = observed.reshape(len(observed), -1)
+        # |w|^2 - |x'w|^2 would cancel: the rejected part itself is exact
+        along = np.einsum("bik,pi->bpk", points, vectors, optimize=True)
+        across = vectors[None] - np.einsum("bik,bpk->bpi", points, along, optimize=True)
+        return np.asarray(np.linalg.norm(across, axis=-1) * coordinates.scale)
+
+    def free_extent(self, observed: Floats, coordinates: Coordinates) -> float:
+        """The k coordinates of a track inside its subspace, each over the extent of the tracks."""
+        extent = np.ptp(observed, axis=0).max() * coordinates.scale * np.sqrt(self.frames)
+        return float(self.rank * np.log(max(extent, 1.0)))

@@ -1,0 +1,114 @@
+"""Translation in space seen by a calibrated camera, a line of R^3: G(3,1), equation (25)."""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+import numpy as np
+
+from mssegment import manifolds
+from mssegment.motions.base import Flags, MotionModel
+from mssegment.records import Camera, Coordinates, Floats
+
+LEAST_SINE = 0.01
+"""Sine of the angle between the two rows below which their cross product is noise."""
+SAMPSON_ROUNDS = 3
+
+
+class Translation(MotionModel):
+    """t . (x1 x x2) = 0; two matches span a hypothesis, the residual is the Sampson distance."""
+
+    name: ClassVar[str] = "translation"
+    needs_camera: ClassVar[bool] = True
+    min_displacement: ClassVar[float] = 2.0
+
+    def __init__(self) -> None:
+        self.manifold = manifolds.from_name("grassmann(3,1)")
+        self.subset_size = 2
+        self.parameters = 2
+        self.residual_dimension = 1
+
+    def coordinates(self, points: Floats, camera: Camera | None = None) -> Coordinates:
+        """Calibrated rays (x, y, 1): the principal point is the origin, the focal length 1.
+
+        Raises ValueError without a camera.
+        """
+        if camera is None:
+            raise ValueError("translation needs a camera")
+        centres = np.tile([camera.cx, camera.cy], (points.shape[1], 1))
+        return Coordinates(centres, camera.fx, camera.fy / camera.fx)
+
+    def observe(self, points: Floats, coordinates: Coordinates) -> Floats:
+        """Normalised image coordinates [P, 2, 2], the second view in the first's orientation."""
+        focal = coordinates.scale * np.array([1.0, coordinates.aspect])
+        observed = np.asarray((points - coordinates.centres) / focal)
+        if coordinates.rotation is not None:
+            turned = _rays(observed[:, 1]) @ coordinates.rotation.T
+            observed[:, 1] = turned[:, :2] / turned[:, 2:]
+        return observed
+
+    def minimal_fit(self, samples: Floats) -> tuple[Floats, Flags]:
+        """The cross product of the rows of two matches [B, 2, 2, 2]; parallel rows are unsound."""
+        rows = constraint_rows(samples)
+        lengths = np.linalg.norm(rows, axis=-1)
+        axis = np.cross(rows[:, 0], rows[:, 1])
+        length = np.linalg.norm(axis, axis=-1)
+        sound = length > LEAST_SINE * lengths[:, 0] * lengths[:, 1] + 1e-16
+        axis = np.where(sound[:, None], axis, [0.0, 0.0, 1.0])
+        return (axis / np.linalg.norm(axis, axis=-1, keepdims=True))[..., None], sound
+
+    def fit(self, observed: Floats, weights: Floats) -> tuple[Floats, Flags]:
+        """Least squares of the Sampson distance: (25) reweighted by its own gradient."""
+        points, sound = self.algebraic_fit(observed, weights)
+        for _ in range(SAMPSON_ROUNDS):
+            square = _gradient_square(points, observed)
+            # relative weights keep the eigenproblem well scaled
+            share = weights * np.median(square, axis=1, keepdims=True) / np.maximum(square, 1e-12)
+            points, sound = self.algebraic_fit(observed, share)
+        return points, sound
+
+    def algebraic_fit(self, observed: Floats, weights: Floats) -> tuple[Floats, Flags]:
+        """The direction that minimizes the weighted square of (25)."""
+        rows = constraint_rows(observed)
+        scatter = np.einsum("bp,pi,pj->bij", weights, rows, rows)
+        values, vectors = np.linalg.eigh(scatter)
+        sound = values[:, 1] > 1e-10 * values[:, 2]
+        return vectors[:, :, :1], np.asarray(sound & (values[:, 2] > 0))
+
+    def residuals(self, points: Floats, observed: Floats, coordinates: Coordinates) -> Floats:
+        """Sampson distance from the epipolar constraint, pixels [B, P]."""
+        error = np.abs(points[:, :, 0] @ constraint_rows(observed).T)
+        gradient = np.sqrt(np.maximum(_gradient_square(points, observed), 1e-18))
+        return np.asarray(error / gradient * coordinates.scale)
+
+    def algebraic_residuals(
+        self, points: Floats, observed: Floats, coordinates: Coordinates
+    ) -> Floats:
+        """|t . (x1 x x2)| of equation (25), normalised coordinates."""
+        return np.asarray(np.abs(points[:, :, 0] @ constraint_rows(observed).T))
+
+    def free_extent(self, observed: Floats, coordinates: Coordinates) -> float:
+        """Along its epipolar line a match may lie anywhere in the extent of the displacements."""
+        shift = (observed[:, 1] - observed[:, 0]) * coordinates.scale
+        return float(np.log(max(np.ptp(shift, axis=0).max(), 1.0)))
+
+
+def constraint_rows(observed: Floats) -> Floats:
+    """x1 x x2 of equation (25) for matches [..., 2, 2] in normalised coordinates, [..., 3]."""
+    x1, y1 = observed[..., 0, 0], observed[..., 0, 1]
+    x2, y2 = observed[..., 1, 0], observed[..., 1, 1]
+    return np.stack([y1 - y2, x2 - x1, x1 * y2 - y1 * x2], axis=-1)
+
+
+def _gradient_square(points: Floats, observed: Floats) -> Floats:
+    """Squared gradient of (25) by the four coordinates of a match, [B, P]."""
+    t = points[:, None, :, 0]
+    total = np.zeros((len(points), len(observed)))
+    for view in (0, 1):
+        x, y = observed[:, view, 0], observed[:, view, 1]
+        total += (t[..., 2] * y - t[..., 1]) ** 2 + (t[..., 2] * x - t[..., 0]) ** 2
+    return total
+
+
+def _rays(observed: Floats) -> Floats:
+    return np.concatenate([observed, np.ones((*observed.shape[:-1], 1))], axis=-1)
