@@ -1,0 +1,236 @@
+"""Every setting of the tool: its type, its default, its range, and one sentence that explains it.
+
+These types are the only place where a setting is defined; the command line, config.yaml, the
+environment, `mssegment init` and the table in the README are made from them.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated, Any, Literal, get_args, get_origin, get_type_hints
+
+import msgspec
+from msgspec import Meta
+
+Auto = Literal["auto"]
+
+
+class Section(msgspec.Struct, frozen=True, kw_only=True):
+    """A group of settings."""
+
+
+class InputSettings(Section, frozen=True):
+    """What is read."""
+
+    images: Annotated[list[str], Meta(description="Pictures, a folder, a glob, or a video.")] = []
+    tracks: Annotated[
+        str | None,
+        Meta(description="Tracks of your own instead of pictures (CSV, .mat, tracks document)."),
+    ] = None
+    start: Annotated[int, Meta(ge=0, description="First frame, counted from 0.")] = 0
+    stop: Annotated[
+        Annotated[int, Meta(ge=1)] | None, Meta(description="Frame to stop before; none: the end.")
+    ] = None
+    step: Annotated[int, Meta(ge=1, description="Take every n-th frame.")] = 1
+
+
+class CameraSettings(Section, frozen=True):
+    """The calibrated camera, for models that need one."""
+
+    file: Annotated[
+        str | None, Meta(description="YAML or JSON file with fx, fy, cx, cy, distortion.")
+    ] = None
+    fx: Annotated[
+        Annotated[float, Meta(gt=0)] | None, Meta(description="Focal length in x, pixels.")
+    ] = None
+    fy: Annotated[
+        Annotated[float, Meta(gt=0)] | None, Meta(description="Focal length in y, pixels.")
+    ] = None
+    cx: Annotated[float | None, Meta(description="Principal point, x, pixels.")] = None
+    cy: Annotated[float | None, Meta(description="Principal point, y, pixels.")] = None
+    distortion: Annotated[
+        list[float], Meta(description="Lens distortion k1, k2, p1, p2[, k3, ...] as in OpenCV.")
+    ] = []
+    derotate: Annotated[
+        Auto | bool,
+        Meta(description="Take the camera's small rotation out before `translation`."),
+    ] = "auto"
+
+
+class DetectSettings(Section, frozen=True):
+    """Harris corners."""
+
+    method: Annotated[
+        Literal["auto", "pyramid", "single"],
+        Meta(description="Corners at several scales (two views) or at one (sequences)."),
+    ] = "auto"
+    max_corners: Annotated[
+        Auto | Annotated[int, Meta(ge=1)], Meta(description="At most so many corners a frame.")
+    ] = "auto"
+    quality: Annotated[
+        Auto | Annotated[float, Meta(gt=0, lt=1)],
+        Meta(description="Least response, as a share of the strongest corner's."),
+    ] = "auto"
+    min_distance: Annotated[
+        Auto | Annotated[float, Meta(ge=0)],
+        Meta(description="Least distance between two corners, pixels."),
+    ] = "auto"
+
+
+class MatchSettings(Section, frozen=True):
+    """How corners become tracks."""
+
+    method: Annotated[
+        Literal["auto", "affine", "patches", "flow"],
+        Meta(
+            description="affine: oriented patches and affine Lucas-Kanade; patches: plain patch "
+            "correlation; flow: pyramidal Lucas-Kanade. auto: affine for two frames, else flow."
+        ),
+    ] = "auto"
+    min_length: Annotated[
+        Auto | Annotated[int, Meta(ge=2)],
+        Meta(description="Drop tracks that are seen in fewer frames than this."),
+    ] = "auto"
+
+
+class BackgroundSettings(Section, frozen=True):
+    """Tracks that stand still under a static camera."""
+
+    remove: Annotated[
+        Auto | bool,
+        Meta(description="Remove what stands still; auto: when the camera is static."),
+    ] = "auto"
+    min_displacement: Annotated[
+        float, Meta(gt=0, description="A track that moves less, in pixels, stands still.")
+    ] = 2.0
+
+
+class HypothesizeSettings(Section, frozen=True):
+    """Motion hypotheses from elemental subsets."""
+
+    model: Annotated[
+        Literal["auto", "affine", "homography", "translation", "factorization"],
+        Meta(
+            description="The motion model; auto: affine or homography, whichever says it shorter."
+        ),
+    ] = "affine"
+    rank: Annotated[
+        Auto | Annotated[int, Meta(ge=3, le=4)],
+        Meta(description="Rank of a motion's subspace for factorization: 3 planar, 4 general."),
+    ] = "auto"
+    count: Annotated[
+        Auto | Annotated[int, Meta(ge=1)],
+        Meta(description="Hypotheses to draw; auto: until the outcome settles."),
+    ] = "auto"
+    sampling: Annotated[
+        Literal["local", "uniform"],
+        Meta(description="Draw elemental subsets among neighbours, or anywhere."),
+    ] = "local"
+
+
+class ClusterSettings(Section, frozen=True):
+    """Mean shift over the manifold."""
+
+    method: Annotated[
+        Literal["auto", "meanshift", "consensus"],
+        Meta(description="meanshift: the paper; consensus: for long sequences; auto: by frames."),
+    ] = "auto"
+    bandwidth: Annotated[
+        Auto | Annotated[float, Meta(gt=0)],
+        Meta(description="Bandwidth h of the kernel; auto: by nearest neighbours."),
+    ] = "auto"
+    kernel: Annotated[
+        Literal["gaussian", "epanechnikov"], Meta(description="Profile of the kernel.")
+    ] = "gaussian"
+
+
+class SegmentSettings(Section, frozen=True):
+    """From modes to motions."""
+
+    selection: Annotated[
+        Literal["mdl", "dominance"],
+        Meta(description="mdl: shortest description of all tracks; dominance: the paper's rule."),
+    ] = "mdl"
+    motions: Annotated[
+        Auto | Annotated[int, Meta(ge=0)], Meta(description="Number of motions, where known.")
+    ] = "auto"
+    min_motions: Annotated[int, Meta(ge=0, description="At least so many motions.")] = 0
+    granularity: Annotated[
+        Literal["object", "surface", "auto"],
+        Meta(description="object: parallax inside a body is noise; surface: each plane counts."),
+    ] = "object"
+
+
+class ReportSettings(Section, frozen=True):
+    """Tables and pictures."""
+
+    labels: Annotated[
+        list[str], Meta(description="Manual labels: a CSV of points, or mask pictures.")
+    ] = []
+    label_radius: Annotated[
+        float, Meta(gt=0, description="A labelled point counts for a track within this, pixels.")
+    ] = 3.0
+    pictures: Annotated[bool, Meta(description="Draw the annotated pictures.")] = True
+    html: Annotated[bool, Meta(description="Write report.html.")] = True
+
+
+class Configuration(Section, frozen=True):
+    """All settings; each field of a section is one key, ``cluster.bandwidth`` for example."""
+
+    seed: Annotated[int, Meta(ge=0, description="Seed of every random number.")] = 0
+    input: InputSettings = InputSettings()
+    camera: CameraSettings = CameraSettings()
+    detect: DetectSettings = DetectSettings()
+    match: MatchSettings = MatchSettings()
+    background: BackgroundSettings = BackgroundSettings()
+    hypothesize: HypothesizeSettings = HypothesizeSettings()
+    cluster: ClusterSettings = ClusterSettings()
+    segment: SegmentSettings = SegmentSettings()
+    report: ReportSettings = ReportSettings()
+
+
+@dataclass(frozen=True)
+class Key:
+    """One setting: its dotted key, its type for msgspec, its default and its sentence."""
+
+    name: str
+    type: Any
+    default: Any
+    description: str
+
+    @property
+    def choices(self) -> str:
+        """What may be given, for people: ``auto|NUMBER``."""
+        return "|".join(_choices(self.type))
+
+
+def _choices(kind: Any) -> list[str]:
+    origin = get_origin(kind)
+    if origin is Annotated:
+        return _choices(get_args(kind)[0])
+    if origin is Literal:
+        return [str(value) for value in get_args(kind)]
+    if origin is list:
+        return [f"{_choices(get_args(kind)[0])[0]}..."]
+    if get_args(kind):
+        return [word for part in get_args(kind) for word in _choices(part)]
+    words = {bool: ["yes", "no"], int: ["INTEGER"], float: ["NUMBER"], str: ["TEXT"]}
+    return words.get(kind, ["none"])
+
+
+def _keys_of(section: type[Section], prefix: str) -> dict[str, Key]:
+    keys: dict[str, Key] = {}
+    hints = get_type_hints(section, include_extras=True)
+    for field in msgspec.structs.fields(section):
+        name, kind = prefix + field.name, hints[field.name]
+        if isinstance(kind, type) and issubclass(kind, Section):
+            keys |= _keys_of(kind, f"{name}.")
+            continue
+        description = next(m.description for m in get_args(kind)[1:] if m.description)
+        default = field.default_factory() if callable(field.default_factory) else field.default
+        keys[name] = Key(name, kind, default, description)
+    return keys
+
+
+KEYS: dict[str, Key] = _keys_of(Configuration, "")
+"""Every setting by its dotted key, in the order of config.yaml."""
