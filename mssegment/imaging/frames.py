@@ -11,6 +11,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+import cv2
+import numpy as np
+
 from mssegment.errors import DataError, UsageError
 from mssegment.imaging import pictures
 from mssegment.imaging.pictures import Colour, Grey, Pixels
@@ -21,6 +24,25 @@ CACHE_BYTES = 256 * 2**20
 """Decoded pictures are kept up to this many bytes; beyond it they are decoded again."""
 
 
+class _Decoded:
+    """The pictures decoded last, up to ``CACHE_BYTES``."""
+
+    def __init__(self) -> None:
+        self._pictures: OrderedDict[Frame, Pixels] = OrderedDict()
+        self._bytes = 0
+
+    def get(self, frame: Frame) -> Pixels | None:
+        if frame in self._pictures:
+            self._pictures.move_to_end(frame)
+        return self._pictures.get(frame)
+
+    def keep(self, frame: Frame, picture: Pixels) -> None:
+        self._bytes += picture.nbytes - (p.nbytes if (p := self.get(frame)) is not None else 0)
+        self._pictures[frame] = picture
+        while len(self._pictures) > 1 and self._bytes > CACHE_BYTES:
+            self._bytes -= self._pictures.popitem(last=False)[1].nbytes
+
+
 class FrameSource:
     """An ordered set of frames of one size, whose pictures are decoded when asked for.
 
@@ -28,10 +50,10 @@ class FrameSource:
     and matchers work on, ``colour(i)`` the one to draw on.
     """
 
-    def __init__(self, frames: Sequence[Frame]) -> None:
+    def __init__(self, frames: Sequence[Frame], decoded: _Decoded | None = None) -> None:
         self.frames = tuple(frames)
         self._videos: dict[str, Video] = {}
-        self._cache: OrderedDict[int, Pixels] = OrderedDict()
+        self._decoded = decoded if decoded is not None else _Decoded()
         self._white: float | None = None
 
     def __len__(self) -> int:
@@ -44,7 +66,8 @@ class FrameSource:
 
     def grey(self, index: int) -> Grey:
         """Frame ``index`` as float32 [height, width], 0 to 255."""
-        return pictures.to_grey(self.pixels(index), self._white_level())
+        picture = self.pixels(index)
+        return pictures.to_grey(picture, self._white_level(picture))
 
     def greys(self) -> list[Grey]:
         """Every frame, grey."""
@@ -52,26 +75,25 @@ class FrameSource:
 
     def colour(self, index: int) -> Colour:
         """Frame ``index`` as uint8 [height, width, 3], red first."""
-        return pictures.to_colour(self.pixels(index), self._white_level())
+        picture = self.pixels(index)
+        return pictures.to_colour(picture, self._white_level(picture))
 
     def pixels(self, index: int) -> Pixels:
         """Frame ``index`` as it is stored; ``DataError`` where its file changed or vanished."""
-        if index in self._cache:
-            self._cache.move_to_end(index)
-            return self._cache[index]
-        picture = self._decode(self.frames[index])
-        self._keep(index, picture)
+        frame = self.frames[index]
+        picture = self._decoded.get(frame)
+        if picture is None:
+            picture = self._decode(frame)
+            self._decoded.keep(frame, picture)
         return picture
 
-    def _keep(self, index: int, picture: Pixels) -> None:
-        self._cache[index] = picture
-        while len(self._cache) > 1 and sum(p.nbytes for p in self._cache.values()) > CACHE_BYTES:
-            self._cache.popitem(last=False)
-
-    def _white_level(self) -> float:
-        """One level for all frames: a level for each would make the light flicker."""
+    def _white_level(self, picture: Pixels) -> float:
+        """One level for all 16-bit frames: a level for each would make the light flicker."""
+        if picture.dtype == np.uint8:
+            return 255.0
         if self._white is None:
-            self._white = pictures.white_level(self.pixels(0))
+            deep = (self.pixels(index) for index in range(len(self)))
+            self._white = pictures.white_level(next(p for p in deep if p.dtype != np.uint8))
         return self._white
 
     def _decode(self, frame: Frame) -> Pixels:
@@ -121,7 +143,8 @@ class _Range:
         return cls(first, stop, by)
 
     def __str__(self) -> str:
-        return f"start {self.start}, stop {'end' if self.stop is None else self.stop}, step {self.step}"
+        stop = "end" if self.stop is None else self.stop
+        return f"start {self.start}, stop {stop}, step {self.step}"
 
 
 def open_frames(
@@ -148,26 +171,23 @@ def open_frames(
     are_videos = {path: not _is_picture(path) for path in dict.fromkeys(paths)}
     stills = [path for path in paths if not are_videos[path]]
     wanted = set(range(len(stills))[chosen.start : chosen.stop : chosen.step])
-    opened: list[tuple[Frame, Pixels]] = []
+    decoded = _Decoded()
+    frames: list[Frame] = []
     still = 0
     for path in paths:
         if are_videos[path]:
-            opened.extend(_open_video(path, chosen))
+            frames.extend(_open_video(path, chosen, decoded))
         else:
             if still in wanted:
-                opened.append(_open_picture(path))
+                frames.append(_open_picture(path, decoded))
             still += 1
-    frames = [frame for frame, _ in opened]
     _check_sizes(frames)
     if len(frames) < at_least:
         raise DataError(
             f"{', '.join(inputs)}: {len(frames)} frame{'s' * (len(frames) != 1)} ({chosen}), "
             f"expected at least {at_least}; name more pictures or widen the range"
         )
-    source = FrameSource(frames)
-    for index, (_, picture) in enumerate(opened):
-        source._keep(index, picture)
-    return source
+    return FrameSource(frames, decoded)
 
 
 def reopen_frames(frames: Sequence[Frame], folder: str | None = None) -> FrameSource:
@@ -225,27 +245,28 @@ def _is_picture(path: str) -> bool:
     if not head or pictures.looks_like_picture(path, head):
         return True
     with pictures.quiet():
-        return bool(pictures.cv2.haveImageReader(path))
+        return bool(cv2.haveImageReader(path))
 
 
-def _open_picture(path: str) -> tuple[Frame, Pixels]:
+def _open_picture(path: str, decoded: _Decoded) -> Frame:
     content = pictures.read_bytes(path)
     picture = pictures.decode(path, content)
     height, width = picture.shape[:2]
-    return Frame(path, width, height, hashlib.sha256(content).hexdigest()), picture
+    frame = Frame(path, width, height, hashlib.sha256(content).hexdigest())
+    decoded.keep(frame, picture)
+    return frame
 
 
-def _open_video(path: str, chosen: _Range) -> list[tuple[Frame, Pixels]]:
-    video = Video(path)
+def _open_video(path: str, chosen: _Range, decoded: _Decoded) -> list[Frame]:
     digest = pictures.sha256(path)
-    opened = []
-    for index in video.indices(chosen.start, chosen.stop, chosen.step):
-        opened.append(index)
-    if not opened:
+    frames = []
+    for index, picture in Video(path).select(chosen.start, chosen.stop, chosen.step):
+        height, width = picture.shape[:2]
+        frames.append(Frame(path, width, height, digest, index))
+        decoded.keep(frames[-1], picture)
+    if not frames:
         raise DataError(f"{path}: the video has no frame in the range ({chosen}); widen it")
-    first = video.read(opened[0])
-    height, width = first.shape[:2]
-    return [(Frame(path, width, height, digest, index), first) for index in opened]
+    return frames
 
 
 def _check_sizes(frames: Sequence[Frame]) -> None:

@@ -23,7 +23,8 @@ Colour = npt.NDArray[np.uint8]
 Pixels = npt.NDArray[np.generic]
 
 PICTURE_SUFFIXES = frozenset(
-    ".bmp .dib .gif .jp2 .jpe .jpeg .jpg .pbm .pgm .png .pnm .ppm .tif .tiff .webp".split()
+    {".bmp", ".dib", ".gif", ".jp2", ".jpe", ".jpeg", ".jpg", ".pbm", ".pgm", ".png", ".pnm"}
+    | {".ppm", ".tif", ".tiff", ".webp"}
 )
 """What a folder's files must end with to be taken as pictures."""
 
@@ -145,15 +146,12 @@ def to_grey(picture: Pixels, white: float | None = None) -> Grey:
     """Grey values 0..255 (float32) of a decoded picture; fractions of 16-bit values are kept."""
     values = _opaque(picture, white or white_level(picture))
     if values.ndim == 3:
-        values = cv2.cvtColor(values, cv2.COLOR_BGR2GRAY)
+        values = np.asarray(cv2.cvtColor(values, cv2.COLOR_BGR2GRAY), np.float32)
     return np.ascontiguousarray(values, np.float32)
 
 
 def to_colour(picture: Pixels, white: float | None = None) -> Colour:
     """Red, green, blue, 8 bits each, of a decoded picture."""
     values = np.clip(np.rint(_opaque(picture, white or white_level(picture))), 0, 255)
-    if values.ndim == 2:
-        values = np.repeat(values[..., None], 3, axis=2)
-    else:
-        values = values[..., ::-1]
+    values = np.repeat(values[..., None], 3, axis=2) if values.ndim == 2 else values[..., ::-1]
     return np.ascontiguousarray(values, np.uint8)

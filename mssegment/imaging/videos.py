@@ -35,8 +35,8 @@ class Video:
             )
         return picture
 
-    def indices(self, start: int, stop: int | None, step: int) -> Iterator[int]:
-        """The frame numbers of the range that are really in the file.
+    def select(self, start: int, stop: int | None, step: int) -> Iterator[tuple[int, Pixels]]:
+        """Number and picture of each frame of the range that is really in the file.
 
         Counts by decoding: the number of frames that a file states is often wrong.
         """
@@ -44,12 +44,13 @@ class Video:
         for index in itertools.count():
             if stop is not None and index >= stop:
                 return
+            wanted = index >= start and (index - start) % step == 0
             with quiet():
-                more = self._grab()
-            if not more:
-                return
-            if index >= start and (index - start) % step == 0:
-                yield index
+                if not self._grab():
+                    return
+                picture = self._retrieve() if wanted else None
+            if picture is not None:
+                yield index, picture
 
     def close(self) -> None:
         """Give the file back to the system."""

@@ -1,0 +1,167 @@
+"""Harris corners with sub-pixel positions, on one level or on a pyramid of them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from mssegment.errors import DataError
+from mssegment.imaging.pictures import Grey
+from mssegment.imaging.pyramid import Level, build_pyramid
+from mssegment.records import Corners, Floats, Frame
+
+HARRIS_K = 0.04
+QUALITY = 1e-4
+INTEGRATION_SIGMA = 1.0
+MAXIMA_WINDOW = 5
+LEVELS_TWO_VIEWS = 4
+LIMIT_TWO_VIEWS = 1500
+LIMIT_SEQUENCE = 1000
+DISTANCE_SEQUENCE = 5.0
+LIMIT_FALLS_WITH_SCALE = 1.2
+NO_TEXTURE = 1e-3
+"""A Harris response (grey levels to the fourth, per pixel) that only rounding errors produce."""
+
+
+def detect(
+    grey: Grey,
+    *,
+    levels: int = LEVELS_TWO_VIEWS,
+    limit: int = LIMIT_TWO_VIEWS,
+    distance: float = 0.0,
+    quality: float = QUALITY,
+) -> Corners:
+    """Corners of one picture, level by level, the strongest first within a level.
+
+    ``levels`` is the number of pyramid levels, a factor sqrt(2) apart; the level of scale s keeps
+    at most ``limit`` / s^1.2 corners, no two closer than ``distance`` pixels of the level, each
+    a maximum of the Harris response (k = 0.04, [Harris and Stephens 1988]) over 5x5 pixels that
+    exceeds ``quality`` times the greatest of the level. Positions are in pixels of the picture,
+    pixel centres at whole numbers, refined by a parabola through the response. A picture without
+    texture gives no corners.
+    """
+    found = [
+        _detect_on_level(level, int(limit / level.scale**LIMIT_FALLS_WITH_SCALE), distance, quality)
+        for level in build_pyramid(grey, levels)
+    ]
+    return Corners(
+        points=np.concatenate([corners.points for corners in found]),
+        responses=np.concatenate([corners.responses for corners in found]),
+        scales=np.concatenate([corners.scales for corners in found]),
+    )
+
+
+def detect_all(
+    pictures: Sequence[Grey],
+    frames: Sequence[Frame] = (),
+    *,
+    levels: int | None = None,
+    limit: int | None = None,
+    distance: float | None = None,
+    quality: float = QUALITY,
+) -> list[Corners]:
+    """The corners of each frame, with the defaults that suit their number.
+
+    Two views: a pyramid of 4 levels, 1500 corners on the finest. More: one level, 1000 corners
+    at least 5 pixels apart. Raises ``DataError`` that names the frame (``frames`` has the paths)
+    where there are no corners.
+    """
+    pair = len(pictures) == 2
+    found: list[Corners] = []
+    for number, grey in enumerate(pictures):
+        corners = detect(
+            grey,
+            levels=levels if levels is not None else (LEVELS_TWO_VIEWS if pair else 1),
+            limit=limit if limit is not None else (LIMIT_TWO_VIEWS if pair else LIMIT_SEQUENCE),
+            distance=distance if distance is not None else (0.0 if pair else DISTANCE_SEQUENCE),
+            quality=quality,
+        )
+        if len(corners.points) == 0:
+            name = frames[number].path if frames else f"frame {number + 1}"
+            raise DataError(
+                f"{name}: no corners ({grey.shape[1]}x{grey.shape[0]} pixels, grey values "
+                f"{grey.min():.0f} to {grey.max():.0f}); expected a picture with texture"
+            )
+        found.append(corners)
+    return found
+
+
+def harris(grey: Grey) -> npt.NDArray[np.float32]:
+    """Harris response det(M) - k tr(M)^2, M the gradients' products under a Gaussian of sigma 1."""
+    gx = cv2.Scharr(grey, cv2.CV_32F, 1, 0, scale=1 / 32)
+    gy = cv2.Scharr(grey, cv2.CV_32F, 0, 1, scale=1 / 32)
+    xx, yy, xy = (
+        cv2.GaussianBlur(product, (0, 0), INTEGRATION_SIGMA)
+        for product in (gx * gx, gy * gy, gx * gy)
+    )
+    trace = xx + yy
+    return np.asarray(xx * yy - xy * xy - np.float32(HARRIS_K) * trace * trace)
+
+
+def _detect_on_level(level: Level, limit: int, distance: float, quality: float) -> Corners:
+    response = harris(level.grey)
+    reach = MAXIMA_WINDOW // 2
+    window = np.ones((MAXIMA_WINDOW, MAXIMA_WINDOW), np.uint8)
+    greatest = float(response.max(initial=0.0))
+    peaks = (response == cv2.dilate(response, window)) & (response > quality * greatest)
+    peaks &= response > NO_TEXTURE
+    peaks[:reach], peaks[-reach:], peaks[:, :reach], peaks[:, -reach:] = False, False, False, False
+    rows, columns = np.nonzero(peaks)
+    strength = response[rows, columns]
+    order = np.argsort(-strength, kind="stable")
+    if distance > 0:
+        order = order[spread(np.column_stack([columns, rows])[order], distance, limit)]
+    order = order[:limit]
+    rows, columns = rows[order], columns[order]
+    points = np.column_stack([columns, rows]) + _refine(response, rows, columns)
+    return Corners(
+        points=level.to_picture(points),
+        responses=strength[order].astype(np.float64),
+        scales=np.full(len(order), level.scale),
+    )
+
+
+def _refine(
+    response: npt.NDArray[np.float32], rows: npt.NDArray[np.intp], columns: npt.NDArray[np.intp]
+) -> Floats:
+    """Offset (x, y) of the peak of a parabola through three responses each way, within 1/2 px."""
+    offsets = np.empty((len(rows), 2))
+    centre = response[rows, columns].astype(np.float64)
+    for axis, (dy, dx) in enumerate(((0, 1), (1, 0))):
+        before = response[rows - dy, columns - dx].astype(np.float64)
+        after = response[rows + dy, columns + dx].astype(np.float64)
+        curvature = before - 2 * centre + after
+        slope = (before - after) / 2
+        flat = curvature >= 0
+        offsets[:, axis] = np.where(flat, 0.0, slope / np.where(flat, 1.0, curvature))
+    return np.clip(offsets, -0.5, 0.5)
+
+
+def spread(
+    points: npt.ArrayLike, distance: float, limit: int | None = None
+) -> npt.NDArray[np.intp]:
+    """Indices of the points that stay when, in the order given, each keeps others away.
+
+    ``points`` [n, 2] in pixels, all finite; a point is dropped if one kept before is closer than
+    ``distance``. At most ``limit`` stay.
+    """
+    where = np.asarray(points, np.float64).reshape(-1, 2)
+    cells = np.floor(where / distance).astype(np.int64)
+    taken: dict[tuple[int, int], list[tuple[float, float]]] = {}
+    kept: list[int] = []
+    for index, ((cx, cy), (x, y)) in enumerate(zip(cells.tolist(), where.tolist(), strict=True)):
+        near = (
+            p
+            for ix in (cx - 1, cx, cx + 1)
+            for iy in (cy - 1, cy, cy + 1)
+            for p in taken.get((ix, iy), ())
+        )
+        if all((px - x) ** 2 + (py - y) ** 2 >= distance**2 for px, py in near):
+            taken.setdefault((cx, cy), []).append((x, y))
+            kept.append(index)
+            if limit is not None and len(kept) >= limit:
+                break
+    return np.array(kept, np.intp)
