@@ -1,0 +1,47 @@
+"""The manifolds on which mean shift runs: one file each, and the registry of their names."""
+
+from __future__ import annotations
+
+import re
+
+from mssegment.errors import ConfigurationError
+from mssegment.manifolds.affine_group import AffineGroup
+from mssegment.manifolds.base import Array, Cloud, Manifold, View
+from mssegment.manifolds.euclidean import Euclidean
+from mssegment.manifolds.grassmann import Grassmann
+from mssegment.manifolds.special_linear import SpecialLinear
+
+REGISTRY: dict[str, type[Manifold]] = {
+    "euclidean": Euclidean,
+    "grassmann": Grassmann,
+    "affine": AffineGroup,
+    "special_linear": SpecialLinear,
+}
+"""The families of manifolds by name; each knows ``examples`` of its members."""
+
+
+def from_name(name: str) -> Manifold:
+    """The manifold called ``name``, for instance ``grassmann(10,3)``; ``Manifold.name`` inverts it.
+
+    Raises ConfigurationError when there is no such manifold.
+    """
+    parts = re.fullmatch(r"\s*(\w+)\s*\(([\w\s,]*)\)\s*", name)
+    family = REGISTRY.get(parts.group(1)) if parts else None
+    if parts is None or family is None:
+        known = ", ".join(family.examples[0] for family in REGISTRY.values())
+        raise ConfigurationError(f"no manifold is called {name!r}; names look like {known}")
+    return family.from_arguments(tuple(a.strip() for a in parts.group(2).split(",")))
+
+
+__all__ = [
+    "REGISTRY",
+    "AffineGroup",
+    "Array",
+    "Cloud",
+    "Euclidean",
+    "Grassmann",
+    "Manifold",
+    "SpecialLinear",
+    "View",
+    "from_name",
+]

@@ -1,0 +1,224 @@
+"""What mean shift asks of a manifold, with defaults from ``log``.
+
+A new manifold is one file with one subclass of :class:`Manifold` and one line in
+``manifolds.REGISTRY``. Points and tangents are numpy arrays with any leading batch axes; tangents
+have the shape of points. Mean shift itself looks only at a :class:`Cloud`: the hypotheses, fixed,
+seen from where the trajectories stand. The default cloud is made from ``log``; a manifold that
+knows better (one matrix product, a closed-form logarithm) brings its own.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from typing import Any, ClassVar
+
+import numpy as np
+import numpy.typing as npt
+
+from mssegment.errors import ConfigurationError, DataError
+from mssegment.records import Floats
+
+Array = npt.NDArray[np.floating[Any]]
+"""Floating point numbers of either precision."""
+
+CACHE_NUMBERS = 1 << 17
+"""Numbers of one intermediate array that stay in a core's cache (1 MB in double precision)."""
+
+
+class View(ABC):
+    """The n points of a cloud as seen from m places on the manifold.
+
+    ``z`` [m, n] are the squared distances over the squared bandwidth, the argument of the kernel
+    profile k(z) in (7); infinite where there is no logarithm. Whoever asks may overwrite it.
+    """
+
+    z: Array
+
+    @abstractmethod
+    def weighted_sum(self, weights: Array) -> Floats:
+        """Sum over the n points of ``weights`` [m, n] times -1/2 grad d^2: tangents [m, ...].
+
+        The numerator of the mean shift vector (9), without the bandwidth.
+        """
+
+
+class Cloud(ABC):
+    """n fixed points of a manifold, prepared once for being seen from many places.
+
+    ``rows`` is how many places to look from at a time so that the work stays in the cache.
+    """
+
+    size: int
+    rows: int
+
+    @abstractmethod
+    def seen_from(self, x: Floats) -> View:
+        """The view from the places ``x`` [m, ...]."""
+
+
+class Manifold(ABC):
+    """A manifold with a distance, an exponential map and a logarithm.
+
+    The traits say which laws hold; the law tests read them.
+    """
+
+    examples: ClassVar[tuple[str, ...]] = ()
+    """Names of typical members of the family: the law tests run over them."""
+
+    is_metric: bool = True
+    """The distance satisfies the triangle inequality."""
+    dist_is_geodesic: bool = True
+    """The distance is the length of the logarithm, (2)."""
+    exact_gradient: bool = True
+    """``attraction`` is exactly -1/2 grad d^2, so that a mean shift step climbs the density."""
+    left_invariant: bool = False
+    """Points are matrices of a group, and d(g x, g y) = d(x, y)."""
+    basis_free: bool = False
+    """x and x q are the same point for any orthogonal q."""
+
+    @classmethod
+    @abstractmethod
+    def from_arguments(cls, arguments: tuple[str, ...]) -> Manifold:
+        """The member of the family with these ``arguments``; raises ConfigurationError."""
+
+    @property
+    @abstractmethod
+    def name(self) -> str:
+        """The name that ``manifolds.from_name`` understands, for instance ``grassmann(10,3)``."""
+
+    @property
+    @abstractmethod
+    def dim(self) -> int:
+        """The dimension of the manifold."""
+
+    @property
+    @abstractmethod
+    def point_shape(self) -> tuple[int, ...]:
+        """The shape of the array that holds one point."""
+
+    @abstractmethod
+    def exp(self, x: Floats, v: Floats) -> Floats:
+        """The point after unit time on the geodesic that leaves ``x`` with velocity ``v``."""
+
+    @abstractmethod
+    def log(self, x: Floats, y: Floats) -> Floats:
+        """The shortest tangent at ``x`` with exp(x, v) = ``y``; NaN where there is none."""
+
+    @abstractmethod
+    def inner(self, x: Floats, u: Floats, v: Floats) -> Floats:
+        """The inner product g_x(u, v) of two tangents at ``x``."""
+
+    @abstractmethod
+    def project(self, x: Floats) -> Floats:
+        """The point of the manifold near the array ``x``."""
+
+    @abstractmethod
+    def project_tangent(self, x: Floats, v: Floats) -> Floats:
+        """The tangent at ``x`` nearest to the array ``v``."""
+
+    @abstractmethod
+    def random_point(self, rng: np.random.Generator, size: int) -> Floats:
+        """``size`` random points, spread over the manifold (or over its middle, if unbounded)."""
+
+    @abstractmethod
+    def deviation(self, x: Floats) -> Floats:
+        """How far each array ``x`` [..., *point_shape] is from being a point (0: it is one)."""
+
+    def random_tangent(self, x: Floats, rng: np.random.Generator) -> Floats:
+        """A random tangent of unit norm at each ``x``."""
+        v = self.project_tangent(x, rng.standard_normal(np.shape(x)))
+        length = self.norm(x, v)
+        return np.asarray(v / _per_point(length, self), dtype=np.float64)
+
+    def norm(self, x: Floats, v: Floats) -> Floats:
+        """The length of the tangent ``v`` at ``x``."""
+        return np.sqrt(np.maximum(self.inner(x, v, v), 0.0))
+
+    def dist(self, x: Floats, y: Floats) -> Floats:
+        """The distance d(x, y); infinite where ``y`` has no logarithm at ``x``."""
+        length = self.norm(x, self.log(x, y))
+        return np.where(np.isnan(length), np.inf, length)
+
+    def attraction(self, x: Floats, y: Floats) -> Floats:
+        """-1/2 grad d^2(x, y), the pull of ``y`` on ``x`` in (9); zero where d is infinite."""
+        return np.nan_to_num(self.log(x, y), nan=0.0)
+
+    def cloud(self, y: Floats, bandwidth: float = 1.0, precise: bool = True) -> Cloud:
+        """The points ``y`` [n, ...], prepared for mean shift; float32 if not ``precise``."""
+        return LogCloud(self, y, bandwidth)
+
+    def pairwise_dist2(self, x: Floats, y: Floats) -> Floats:
+        """Squared distances [m, n] between the points ``x`` [m, ...] and ``y`` [n, ...]."""
+        z = self.cloud(y).seen_from(x).z
+        return np.maximum(z, 0.0).astype(np.float64)
+
+    def mean_tangent(self, x: Floats, y: Floats, w: Floats) -> Floats:
+        """The weighted mean of -1/2 grad d^2 at ``x`` [m, ...] over ``y`` [n, ...], (9) and (22).
+
+        ``w`` [m, n] are the weights g(d^2 / h^2); a row of zeros gives the zero tangent.
+        """
+        total = _per_point(np.sum(w, axis=1), self)
+        summed = self.cloud(y).seen_from(x).weighted_sum(np.asarray(w, dtype=np.float64))
+        return np.divide(summed, total, out=np.zeros_like(summed), where=total > 0)
+
+    def check_point(self, x: Floats, tolerance: float = 1e-6) -> None:
+        """Raise DataError, naming the first offender, unless all ``x`` [...] are points."""
+        shape = self.point_shape
+        if np.shape(x)[max(np.ndim(x) - len(shape), 0) :] != shape:
+            raise DataError(f"points of {self.name} have shape {shape}, found {np.shape(x)}")
+        finite = np.isfinite(x).reshape(-1, int(np.prod(shape))).all(axis=1)
+        if not finite.all():
+            raise DataError(f"point {int(np.argmin(finite))} of {self.name} is not finite")
+        off = np.ravel(self.deviation(np.asarray(x, dtype=np.float64)))
+        wrong = ~(off <= tolerance)
+        if wrong.any():
+            i = int(np.argmax(wrong))
+            raise DataError(f"point {i} is not on {self.name}: it is {off[i]:.3g} away from it")
+
+    def __repr__(self) -> str:
+        return f"<manifold {self.name}>"
+
+
+class LogCloud(Cloud):
+    """The default cloud of a manifold that knows only its logarithm."""
+
+    def __init__(self, manifold: Manifold, y: Floats, bandwidth: float) -> None:
+        self.manifold, self.y, self.bandwidth = manifold, y, bandwidth
+        self.size = len(y)
+        numbers = max(1, self.size * int(np.prod(manifold.point_shape)))
+        self.rows = max(1, CACHE_NUMBERS // numbers)
+
+    def seen_from(self, x: Floats) -> View:
+        """The view from ``x`` [m, ...]."""
+        return _LogView(self, x)
+
+
+class _LogView(View):
+    def __init__(self, cloud: LogCloud, x: Floats) -> None:
+        at, to = x[:, None], cloud.y[None]
+        self.z = (cloud.manifold.dist(at, to) / cloud.bandwidth) ** 2
+        self._pull = cloud.manifold.attraction(at, to)
+
+    def weighted_sum(self, weights: Array) -> Floats:
+        return np.asarray(np.einsum("mn,mn...->m...", weights.astype(np.float64), self._pull))
+
+
+def precision(precise: bool) -> np.dtype[np.floating[Any]]:
+    """Double or single precision."""
+    return np.dtype(np.float64) if precise else np.dtype(np.float32)
+
+
+def integers(family: str, arguments: tuple[str, ...], expected: str) -> tuple[int, ...]:
+    """The ``arguments`` as whole numbers >= 1, as many as ``expected`` (``N,k``) has."""
+    count = expected.count(",") + 1
+    if len(arguments) != count or not all(a.isdecimal() and int(a) >= 1 for a in arguments):
+        found = ",".join(arguments)
+        raise ConfigurationError(
+            f"no manifold is called {family}({found}): use {family}({expected})"
+        )
+    return tuple(int(a) for a in arguments)
+
+
+def _per_point(numbers: Floats, manifold: Manifold) -> Floats:
+    """One number per point, shaped so that it multiplies the points."""
+    return np.reshape(numbers, np.shape(numbers) + (1,) * len(manifold.point_shape))

@@ -1,0 +1,198 @@
+"""The Grassmann manifold G(N, k): the k-dimensional subspaces of R^N (section 4.1 of the paper).
+
+A point is an orthonormal basis, an N x k matrix x with x'x = I; x and x q span the same subspace.
+The distance is (12), which the paper calls arc length; it is the projection (or chordal) distance,
+|xx' - yy'|_F / sqrt 2 = |sin of the principal angles|. It is a metric, but not the geodesic length.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from mssegment.errors import ConfigurationError
+from mssegment.manifolds.base import (
+    CACHE_NUMBERS,
+    Array,
+    Cloud,
+    Manifold,
+    View,
+    integers,
+    precision,
+)
+from mssegment.records import Floats
+
+SERIES = 9
+"""Terms of the cosine and sine series: 1e-16 for arguments up to 1."""
+
+
+class Grassmann(Manifold):
+    """G(N, k) with the chordal distance (12), its gradient (13) and the exponential (15)."""
+
+    examples = ("grassmann(3,1)", "grassmann(4,2)", "grassmann(10,3)", "grassmann(13,4)")
+    dist_is_geodesic = False
+    basis_free = True
+
+    def __init__(self, n: int, k: int) -> None:
+        if not 1 <= k < n:
+            raise ConfigurationError(f"grassmann({n},{k}) is no manifold: use 1 <= k < N")
+        self.n, self.k = n, k
+
+    @classmethod
+    def from_arguments(cls, arguments: tuple[str, ...]) -> Grassmann:
+        """G(N, k) from ``(N, k)``."""
+        return cls(*integers("grassmann", arguments, "N,k"))
+
+    @property
+    def name(self) -> str:
+        """``grassmann(N,k)``."""
+        return f"grassmann({self.n},{self.k})"
+
+    @property
+    def dim(self) -> int:
+        """k (N - k)."""
+        return self.k * (self.n - self.k)
+
+    @property
+    def point_shape(self) -> tuple[int, ...]:
+        """``(N, k)``."""
+        return (self.n, self.k)
+
+    def exp(self, x: Floats, v: Floats) -> Floats:
+        """Equation (15) without its SVD: x cos(sqrt G) + v sinc(sqrt G), G = v'v.
+
+        Both are entire functions of the k x k matrix G. One Newton-Schulz step keeps x'x = I.
+        """
+        cosine, sinc = _cos_sinc(_t(v) @ v)
+        moved = x @ cosine + v @ sinc
+        eye = np.eye(self.k)
+        return np.asarray(moved @ (1.5 * eye - 0.5 * (_t(moved) @ moved)))
+
+    def log(self, x: Floats, y: Floats) -> Floats:
+        """The geodesic logarithm, by the SVD of y'x; defined up to principal angles of pi/2."""
+        q, cosines, r = np.linalg.svd(_t(y) @ x)
+        across = _off(x, y) @ q
+        sines = np.linalg.norm(across, axis=-2)
+        angles = np.arctan2(sines, cosines)
+        stretch = np.where(sines > 1e-12, angles / np.maximum(sines, 1e-300), 1.0)
+        return np.asarray((across * stretch[..., None, :]) @ r)
+
+    def principal_angles(self, x: Floats, y: Floats) -> Floats:
+        """The k principal angles between the subspaces, radians, smallest first.
+
+        Accurate for small angles too, which the arc cosine alone is not.
+        """
+        q, cosines, _ = np.linalg.svd(_t(y) @ x)
+        sines = np.linalg.norm(_off(x, y) @ q, axis=-2)
+        return np.asarray(np.arctan2(sines, cosines))
+
+    def inner(self, x: Floats, u: Floats, v: Floats) -> Floats:
+        """tr(u'v)."""
+        return np.asarray(np.sum(u * v, axis=(-2, -1)))
+
+    def dist(self, x: Floats, y: Floats) -> Floats:
+        """Equation (12), d^2 = k - tr(x' y y' x), written |(I - xx') y|_F against cancellation."""
+        return np.asarray(np.linalg.norm(_off(x, y), axis=(-2, -1)))
+
+    def gradient(self, x: Floats, f_x: Floats) -> Floats:
+        """The gradient (11), (I - xx') f_x, of a function with the Jacobian ``f_x`` at ``x``."""
+        return _off(x, f_x)
+
+    def attraction(self, x: Floats, y: Floats) -> Floats:
+        """(I - xx') y y' x: -1/2 grad d^2.
+
+        Equation (13) drops the factor 2 of the derivative of a square; that makes (14) the true
+        mean shift step.
+        """
+        return _off(x, y @ (_t(y) @ x))
+
+    def project(self, x: Floats) -> Floats:
+        """An orthonormal basis of the column space of ``x``, the one nearest to ``x``."""
+        u, _, v = np.linalg.svd(x, full_matrices=False)
+        return np.asarray(u @ v)
+
+    def project_tangent(self, x: Floats, v: Floats) -> Floats:
+        """(I - xx') v."""
+        return _off(x, v)
+
+    def random_point(self, rng: np.random.Generator, size: int) -> Floats:
+        """Uniformly distributed subspaces."""
+        return np.linalg.qr(rng.standard_normal((size, self.n, self.k)))[0]
+
+    def deviation(self, x: Floats) -> Floats:
+        """The largest entry of |x'x - I|."""
+        return np.asarray(np.max(np.abs(_t(x) @ x - np.eye(self.k)), axis=(-2, -1)))
+
+    def cloud(self, y: Floats, bandwidth: float = 1.0, precise: bool = True) -> Cloud:
+        """The points ``y`` as projectors, in which d^2 is a dot product."""
+        return _ProjectorCloud(self, y, bandwidth, precise)
+
+
+class _ProjectorCloud(Cloud):
+    """Every point as the upper triangle of yy', with sqrt 2 off the diagonal.
+
+    Then tr(x'yy'x) is a dot product: all z of a block are one matrix product (the k of (12) and
+    the bandwidth are folded into it), and the weighted sum of (14) is a second one.
+    """
+
+    def __init__(self, manifold: Grassmann, y: Floats, bandwidth: float, precise: bool) -> None:
+        self.size, self.bandwidth = len(y), bandwidth
+        self.rows = max(1, CACHE_NUMBERS // max(1, self.size))
+        self.dtype = precision(precise)
+        self.n = manifold.n
+        self.upper = np.triu_indices(self.n)
+        self.factor = np.where(self.upper[0] == self.upper[1], 1.0, np.sqrt(2.0))
+        self.projectors = self.embed(y).astype(self.dtype)
+        k = np.full((self.size, 1), float(manifold.k))
+        columns = np.concatenate([-self.projectors, k], axis=1) / bandwidth**2
+        self.columns = np.ascontiguousarray(columns.T, dtype=self.dtype)
+
+    def embed(self, x: Floats) -> Floats:
+        """The upper triangle of xx' [m, N (N + 1) / 2]."""
+        return np.asarray((x @ _t(x))[:, self.upper[0], self.upper[1]] * self.factor)
+
+    def unfold(self, flat: Array) -> Floats:
+        """The symmetric matrices [m, N, N] whose embedding ``flat`` is."""
+        square = np.empty((len(flat), self.n, self.n))
+        square[:, self.upper[0], self.upper[1]] = flat / self.factor
+        square[:, self.upper[1], self.upper[0]] = square[:, self.upper[0], self.upper[1]]
+        return square
+
+    def seen_from(self, x: Floats) -> View:
+        return _ProjectorView(self, x)
+
+
+class _ProjectorView(View):
+    def __init__(self, cloud: _ProjectorCloud, x: Floats) -> None:
+        self._cloud, self._x = cloud, x
+        rows = np.ones((len(x), len(cloud.columns)), dtype=cloud.dtype)
+        rows[:, :-1] = cloud.embed(x)
+        self.z = rows @ cloud.columns
+
+    def weighted_sum(self, weights: Array) -> Floats:
+        summed = weights.astype(self._cloud.dtype, copy=False) @ self._cloud.projectors
+        return _off(self._x, self._cloud.unfold(summed) @ self._x)
+
+
+def _t(x: Floats) -> Floats:
+    return np.swapaxes(x, -1, -2)
+
+
+def _off(x: Floats, v: Floats) -> Floats:
+    """(I - xx') v, what of ``v`` is across the subspace ``x``."""
+    return np.asarray(v - x @ (_t(x) @ v))
+
+
+def _cos_sinc(gram: Floats) -> tuple[Floats, Floats]:
+    """cos(sqrt G) and sinc(sqrt G) of symmetric k x k matrices: Horner's rule, then doubling."""
+    largest = float(np.max(np.trace(gram, axis1=-2, axis2=-1), initial=0.0))
+    halvings = max(0, int(np.ceil(0.5 * np.log2(largest)))) if largest > 1.0 else 0
+    small = gram / 4.0**halvings
+    eye = np.eye(gram.shape[-1])
+    cosine = sinc = eye
+    for i in range(SERIES, 0, -1):
+        cosine = eye - small @ cosine / ((2 * i - 1) * (2 * i))
+        sinc = eye - small @ sinc / ((2 * i) * (2 * i + 1))
+    for _ in range(halvings):
+        sinc = sinc @ cosine
+        cosine = 2.0 * cosine @ cosine - eye
+    return np.broadcast_to(cosine, gram.shape), np.broadcast_to(sinc, gram.shape)

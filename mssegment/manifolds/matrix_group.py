@@ -1,0 +1,205 @@
+"""Matrix Lie groups: what A(2) and SL(3) share (section 4.2 of the paper).
+
+Points are matrices x with the left-invariant inner product g_x(u, v) = tr((x^-1 u)' x^-1 v), so
+that (18)-(20) need only the matrix exponential and logarithm of the group. Those work on arrays
+with the *matrix axes first*, shape (r, s, ...), where every entry is one contiguous array over all
+pairs of points; r may leave out constant last rows.
+"""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from typing import ClassVar
+
+import numpy as np
+
+from mssegment.errors import ConfigurationError
+from mssegment.manifolds.base import CACHE_NUMBERS, Array, Cloud, Manifold, View
+from mssegment.records import Floats
+
+BERNOULLI_TERMS = 40
+
+
+class MatrixGroup(Manifold):
+    """A group of s x s matrices with the distance (20), |log x^-1 y|_F.
+
+    That is left-invariant but breaks the triangle inequality, and is infinite where x^-1 y has no
+    real logarithm. The attraction is log (21), a first-order approximation of -1/2 grad d^2 (10 %
+    off at |log| = 0.3); with ``exact`` it is the true gradient.
+    """
+
+    is_metric = False
+    left_invariant = True
+    family: ClassVar[str]
+    """The name without arguments."""
+    order: ClassVar[int]
+    """The n of its name: A(2), SL(3)."""
+    rows: int
+    """The rows of a matrix that are not constant."""
+    size: int
+    """Matrices are size x size."""
+
+    def __init__(self, exact: bool = False) -> None:
+        self.exact_gradient = exact
+
+    @classmethod
+    def from_arguments(cls, arguments: tuple[str, ...]) -> MatrixGroup:
+        """The group from ``(order,)`` or ``(order, "exact")``."""
+        if arguments not in ((str(cls.order),), (str(cls.order), "exact")):
+            found, names = ",".join(arguments), " or ".join(cls.examples)
+            raise ConfigurationError(f"no manifold is called {cls.family}({found}): use {names}")
+        return cls(exact=len(arguments) == 2)
+
+    @property
+    def name(self) -> str:
+        """``family(order)``, with ``,exact`` where the gradient is exact."""
+        return f"{self.family}({self.order}{',exact' if self.exact_gradient else ''})"
+
+    @abstractmethod
+    def algebra_exp(self, v: Floats) -> Floats:
+        """The matrix exponential (16) of ``v`` (rows, size, ...)."""
+
+    @abstractmethod
+    def algebra_log(self, m: Floats) -> Floats:
+        """The principal matrix logarithm (17) of ``m`` (rows, size, ...); NaN if not real."""
+
+    @abstractmethod
+    def onto_algebra(self, v: Floats) -> Floats:
+        """The orthogonal projection of ``v`` (rows, size, ...) onto the Lie algebra."""
+
+    @property
+    def point_shape(self) -> tuple[int, ...]:
+        """``(size, size)``."""
+        return (self.size, self.size)
+
+    def _first(self, x: Floats) -> Floats:
+        """Matrices (..., size, size) with the matrix axes first, constant rows left out."""
+        return np.ascontiguousarray(np.moveaxis(x, (-2, -1), (0, 1))[: self.rows])
+
+    def _last(self, m: Floats, corner: float = 0.0) -> Floats:
+        """The inverse of ``_first``; ``corner`` is the last entry of the constant row."""
+        whole = np.zeros((self.size, self.size, *m.shape[2:]))
+        whole[: self.rows] = m
+        if self.rows < self.size:
+            whole[-1, -1] = corner
+        return np.ascontiguousarray(np.moveaxis(whole, (0, 1), (-2, -1)))
+
+    def exp(self, x: Floats, v: Floats) -> Floats:
+        """Equation (18), x exp(x^-1 v)."""
+        return np.asarray(x @ self._last(self.algebra_exp(self._first(_solve(x, v))), corner=1.0))
+
+    def log(self, x: Floats, y: Floats) -> Floats:
+        """Equation (19), x log(x^-1 y); NaN where there is no real logarithm."""
+        return np.asarray(x @ self._last(self.algebra_log(self._first(_solve(x, y)))))
+
+    def inner(self, x: Floats, u: Floats, v: Floats) -> Floats:
+        """tr((x^-1 u)' x^-1 v), the left-invariant inner product that belongs to (20)."""
+        return np.asarray(np.sum(_solve(x, u) * _solve(x, v), axis=(-2, -1)))
+
+    def dist(self, x: Floats, y: Floats) -> Floats:
+        """Equation (20), |log x^-1 y|_F; infinite where there is no real logarithm."""
+        return np.sqrt(_length2(self.algebra_log(self._first(_solve(x, y)))))
+
+    def attraction(self, x: Floats, y: Floats) -> Floats:
+        """Equation (21), log_x(y), or the exact -1/2 grad d^2; zero where d is infinite."""
+        pull = self.pull_of(self.algebra_log(self._first(_solve(x, y))))
+        return np.asarray(x @ self._last(np.nan_to_num(pull, nan=0.0)))
+
+    def pull_of(self, log: Floats) -> Floats:
+        """x^-1 times -1/2 grad d^2 from ``log`` = log(x^-1 y) (rows, size, ...).
+
+        Exact: d log(exp(-tE) exp X) / dt = -B(ad_X) E with B(z) = z / (e^z - 1), so the gradient
+        is the adjoint series B(ad_X)* X, with ad_X* Z the part of [X', Z] in the algebra. It
+        converges while eigenvalues of X differ by less than 2 pi.
+        """
+        if not self.exact_gradient:
+            return log
+        term = log
+        total = log.copy()
+        for i, coefficient in enumerate(_BERNOULLI, start=1):
+            term = self._adjoint(log, term)
+            total += coefficient * term
+            if i % 2 == 0 and not np.nanmax(np.abs(term), initial=0.0) * abs(coefficient) > 1e-15:
+                break
+        return total
+
+    def _adjoint(self, x: Floats, z: Floats) -> Floats:
+        """[x', z], projected onto the algebra; both are (rows, size, ...) with zero other rows."""
+        whole = np.zeros((self.size, self.size, *x.shape[2:]))
+        for i in range(self.size):
+            for j in range(self.size):
+                left = sum(x[r, i] * z[r, j] for r in range(self.rows))
+                right = sum(z[i, r] * x[j, r] for r in range(self.size)) if self._both(i, j) else 0
+                whole[i, j] = left - right
+        return self.onto_algebra(whole[: self.rows])
+
+    def _both(self, i: int, j: int) -> bool:
+        return i < self.rows and j < self.rows
+
+    def project_tangent(self, x: Floats, v: Floats) -> Floats:
+        """x times the part of x^-1 v in the Lie algebra."""
+        return np.asarray(x @ self._last(self.onto_algebra(self._first(_solve(x, v)))))
+
+    def random_point(self, rng: np.random.Generator, size: int) -> Floats:
+        """Exponentials of random elements of the algebra, about 1 from the identity."""
+        e = np.broadcast_to(np.eye(self.size), (size, self.size, self.size))
+        lengths = rng.uniform(0.1, 1.5, (size, 1, 1))
+        return self.exp(e, lengths * self.random_tangent(e, rng))
+
+    def cloud(self, y: Floats, bandwidth: float = 1.0, precise: bool = True) -> Cloud:
+        """The points ``y``, entry by entry."""
+        return _GroupCloud(self, y, bandwidth)
+
+
+class _GroupCloud(Cloud):
+    """All x^-1 y of a block are one matrix product; then one batched logarithm."""
+
+    def __init__(self, group: MatrixGroup, y: Floats, bandwidth: float) -> None:
+        self.group, self.bandwidth = group, bandwidth
+        self.size = len(y)
+        self.rows = max(1, CACHE_NUMBERS // max(1, 4 * self.size))
+        self.columns = np.ascontiguousarray(np.moveaxis(y, 0, 2).reshape(group.size, -1))
+
+    def seen_from(self, x: Floats) -> View:
+        return _GroupView(self, x)
+
+
+class _GroupView(View):
+    def __init__(self, cloud: _GroupCloud, x: Floats) -> None:
+        self._cloud, self._x = cloud, x
+        group, n = cloud.group, cloud.size
+        inverse = np.moveaxis(np.linalg.inv(x), 0, 1)[: group.rows].reshape(-1, group.size)
+        ratio = (inverse @ cloud.columns).reshape(group.rows, len(x), group.size, n)
+        self._log = group.algebra_log(np.ascontiguousarray(np.moveaxis(ratio, 2, 1)))
+        self.z = _length2(self._log) / cloud.bandwidth**2
+
+    def weighted_sum(self, weights: Array) -> Floats:
+        group = self._cloud.group
+        pull = group.pull_of(self._log)
+        sums = np.einsum("mn,ijmn->ijm", weights, np.nan_to_num(pull, nan=0.0, copy=False))
+        return np.asarray(self._x @ group._last(sums))
+
+
+def _solve(x: Floats, y: Floats) -> Floats:
+    return np.asarray(np.linalg.solve(x, y))
+
+
+def _length2(log: Floats) -> Floats:
+    """The squared Frobenius norm of (r, s, ...) matrices; infinite where there is no logarithm."""
+    length2 = np.einsum("ij...,ij...->...", log, log)
+    return np.where(np.isnan(length2), np.inf, length2)
+
+
+def _bernoulli(count: int) -> Floats:
+    """The coefficients of z, z^2, ... in z / (e^z - 1): -1/2, 1/12, 0, -1/720, ..."""
+    even = np.arange(2, count + 1, 2)
+    zeta = np.array([np.sum(1.0 / np.arange(1.0, 1e4 if s < 4 else 60.0) ** s) for s in even])
+    zeta[0] = np.pi**2 / 6
+    zeta[1] = np.pi**4 / 90
+    coefficients = np.zeros(count)
+    coefficients[0] = -0.5
+    coefficients[even - 1] = (-1.0) ** (even // 2 + 1) * 2 * zeta / (2 * np.pi) ** even
+    return coefficients
+
+
+_BERNOULLI = _bernoulli(2 * BERNOULLI_TERMS)
