@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 from mssegment.motions.affine import Affine
 from mssegment.motions.base import Flags, MotionModel
 from mssegment.motions.factorization import Factorization
@@ -13,13 +11,10 @@ from mssegment.motions.translation import Translation
 __all__ = ["MODELS", "Affine", "Factorization", "Flags", "Homography", "MotionModel"]
 __all__ += ["Translation", "make"]
 
-MODELS: dict[str, Callable[[int, int], MotionModel]] = {
-    "translation": lambda frames, rank: Translation(),
-    "factorization": Factorization,
-    "affine": lambda frames, rank: Affine(),
-    "homography": lambda frames, rank: Homography(),
+MODELS: dict[str, type[MotionModel]] = {
+    model.name: model for model in (Translation, Factorization, Affine, Homography)
 }
-"""Name -> how to build the model from the number of frames and the rank."""
+"""Name -> motion model, in the order in which a user sees them."""
 
 
 def make(name: str, *, frames: int = 2, rank: int = 3) -> MotionModel:
@@ -28,4 +23,4 @@ def make(name: str, *, frames: int = 2, rank: int = 3) -> MotionModel:
     ``rank`` is the dimension k of the subspaces of ``factorization`` (3 planar, 4 general).
     Raises KeyError for an unknown name.
     """
-    return MODELS[name](frames, rank)
+    return MODELS[name].build(frames, rank)

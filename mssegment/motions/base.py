@@ -45,6 +45,12 @@ class MotionModel(ABC):
     """The squared residual vector of a track is this times its residual squared: 1, or F where
     the residual is per frame. With noise sigma in each coordinate its mean is c sigma^2."""
 
+    @classmethod
+    def build(cls, frames: int, rank: int) -> MotionModel:
+        """The model for tracks over ``frames`` frames; only ``factorization`` has a ``rank``."""
+        del frames, rank
+        return cls()
+
     def coordinates(self, points: Floats, camera: Camera | None = None) -> Coordinates:
         """The coordinates in which this model sees the tracks ``points`` [P, F, 2] (pixels).
 

@@ -34,6 +34,11 @@ class Factorization(MotionModel):
         self.residual_dimension = 2 * frames - rank
         self.residual_terms = frames
 
+    @classmethod
+    def build(cls, frames: int, rank: int) -> Factorization:
+        """Subspaces of dimension ``rank`` in R^(2 ``frames``)."""
+        return cls(frames, rank)
+
     def coordinates(self, points: Floats, camera: Camera | None = None) -> Coordinates:
         """One origin for all frames, the middle of all tracks; divided by their rms radius.
 

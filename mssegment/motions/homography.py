@@ -21,7 +21,7 @@ class Homography(MotionModel):
     name: ClassVar[str] = "homography"
 
     def __init__(self) -> None:
-        self.manifold = manifolds.from_name("sl(3)")
+        self.manifold = manifolds.from_name("special_linear(3)")
         self.subset_size = 4
         self.parameters = 8
         self.residual_dimension = 2
@@ -81,11 +81,11 @@ class Homography(MotionModel):
 
     def _checked(self, points: Floats, middle: Floats, sound: Flags) -> tuple[Floats, Flags]:
         """Scales to determinant one; sound where H is plausible at the ``middle`` [B, 2]."""
-        finite = np.isfinite(points).all(axis=(1, 2))
+        finite = np.asarray(np.isfinite(points).all(axis=(1, 2)))
         points = np.where(finite[:, None, None], points, np.eye(3))
         determinant = np.linalg.det(points)
         largest = np.abs(points).max(axis=(1, 2))
-        sound = np.asarray(sound & finite & (np.abs(determinant) > 1e-12 * largest**3))
+        sound = sound & finite & np.asarray(np.abs(determinant) > 1e-12 * largest**3)
         determinant = np.where(sound, determinant, 1.0)
         points = points / np.cbrt(determinant)[:, None, None]
         image, depth = _project(points, np.asarray(middle)[:, None])

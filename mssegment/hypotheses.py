@@ -1,0 +1,278 @@
+"""Elemental subsets and the motion hypotheses they make: points on the model's manifold.
+
+Sampling is local, because the tracks of one body lie together: a seed and some of its nearest
+neighbours. A hypothesis must then be confirmed by a few further tracks near its seed, which is the
+validation step of the paper's reference [17].
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from scipy.spatial import KDTree
+
+from mssegment import motions
+from mssegment.errors import DataError, UsageError
+from mssegment.motions import Flags, MotionModel
+from mssegment.records import Camera, Coordinates, Floats, HypothesisSet, Integers
+
+Count = int | Literal["auto"]
+Sampling = Literal["local", "uniform"]
+
+NEIGHBOURS = 12
+"""Nearest tracks of a seed: the subset comes from them, and they confirm the hypothesis."""
+CONFIRMATIONS = 3
+"""Further tracks near the seed that must agree with a hypothesis."""
+AGREEMENT = 0.02
+"""How near a confirming track must be, over the rms radius of the tracks (about 3 px in 640)."""
+PATH_WEIGHT = 10.0
+"""Weight of the shape of a path against its place, when neighbours are sought over many frames."""
+FEWEST, MOST = 300, 4000
+"""Bounds of an automatic number of hypotheses."""
+PATIENCE = 60
+"""Subsets drawn per hypothesis asked for, before the sampler gives up."""
+BATCH = 512
+"""Subsets fitted at a time; one batch needs [BATCH, tracks] residuals."""
+
+
+@dataclass(frozen=True)
+class _Scene:
+    """The eligible tracks of one set, as one model sees them."""
+
+    model: MotionModel
+    observed: Floats
+    coordinates: Coordinates
+    indices: Integers
+    neighbours: Integers
+    seeds: Integers
+    tolerance: float
+
+
+def hypothesize(
+    points: Floats,
+    *,
+    model: str = "affine",
+    camera: Camera | None = None,
+    affines: Floats | None = None,
+    count: Count = "auto",
+    sampling: Sampling = "local",
+    eligible: Flags | None = None,
+    rank: int = 3,
+    rotation: Floats | None = None,
+    rng: np.random.Generator,
+) -> list[HypothesisSet]:
+    """Motion hypotheses from elemental subsets of the tracks ``points`` [P, F, 2] (pixels).
+
+    ``model`` is a name in ``motions.MODELS``, or ``auto``: affine and homography, one set each.
+    ``count`` is the number of hypotheses per set, ``auto`` draws until the tracks find no better
+    hypotheses. ``eligible`` [P] excludes tracks (background); incomplete tracks are in no subset.
+    ``rank`` is that of ``factorization``; ``rotation`` derotates the rays of ``translation``.
+    Fewer hypotheses than asked for are returned where no more subsets are confirmed.
+
+    Raises DataError where the tracks cannot make a hypothesis, UsageError for a wrong argument.
+    """
+    del affines  # the local affine of a match says nothing about the other views' noise
+    names = ("affine", "homography") if model == "auto" else (model,)
+    _check_arguments(names, points, camera, count, sampling)
+    complete = np.asarray(np.isfinite(points).all(axis=(1, 2)))
+    usable = complete if eligible is None else complete & eligible
+    frames = points.shape[1]
+    return [
+        _sample(
+            _scene(motions.make(n, frames=frames, rank=rank), points, usable, camera, rotation),
+            count,
+            sampling,
+            rng,
+        )
+        for n in names
+    ]
+
+
+def neighbour_space(points: Floats) -> Floats:
+    """Where near means "may be the same body": tracks [P, F, 2] as vectors [P, d], pixels.
+
+    Two views: the match (x, y, x', y') itself. More: the mean position, and the path about it.
+    """
+    if points.shape[1] == 2:
+        return np.asarray(points.reshape(len(points), 4))
+    place = points.mean(axis=1)
+    path = (points - place[:, None]) * np.sqrt(PATH_WEIGHT / points.shape[1])
+    return np.concatenate([place, path.reshape(len(points), -1)], axis=1)
+
+
+def nearest_neighbours(points: Floats, count: int) -> Integers:
+    """The ``count`` nearest other tracks of each track [P, F, 2], nearest first, [P, count]."""
+    space = neighbour_space(points)
+    _, found = KDTree(space).query(space, k=min(count, len(space) - 1) + 1)
+    # of identical tracks another one may come first: drop the track itself wherever it is
+    itself = found == np.arange(len(space))[:, None]
+    itself[~itself.any(axis=1), -1] = True
+    return np.asarray(found[~itself].reshape(len(space), -1), dtype=np.int64)
+
+
+def _check_arguments(
+    names: Sequence[str], points: Floats, camera: Camera | None, count: Count, sampling: Sampling
+) -> None:
+    frames = points.shape[1]
+    for name in names:
+        if name not in motions.MODELS:
+            known = ", ".join([*motions.MODELS, "auto"])
+            raise UsageError(f"model: {name!r} is unknown; choose one of {known}")
+        model = motions.MODELS[name]
+        if model.needs_camera and camera is None:
+            raise DataError(f"model {name} needs a calibrated camera: give --camera fx,fy,cx,cy")
+        most = model.max_frames
+        if frames < model.min_frames or (most is not None and frames > most):
+            wanted = f"{most}" if most == model.min_frames else f"at least {model.min_frames}"
+            raise DataError(
+                f"model {name} needs {wanted} frames, but the tracks have {frames}: "
+                + (
+                    "choose two frames, or model factorization"
+                    if frames > 2
+                    else _two_frame_advice(frames)
+                )
+            )
+    if count != "auto" and count < 1:
+        raise UsageError(f"count: {count} hypotheses were asked for; give 1 or more, or auto")
+    if sampling not in ("local", "uniform"):
+        raise UsageError(f"sampling: {sampling!r} is unknown; choose local or uniform")
+
+
+def _two_frame_advice(frames: int) -> str:
+    return "choose model affine, homography or translation" if frames == 2 else "give more pictures"
+
+
+def _scene(
+    model: MotionModel,
+    points: Floats,
+    usable: Flags,
+    camera: Camera | None,
+    rotation: Floats | None,
+) -> _Scene:
+    indices = np.flatnonzero(usable)
+    needed = model.subset_size + 1
+    if len(indices) < needed:
+        raise DataError(
+            f"{len(indices)} complete, moving tracks, but model {model.name} needs at least "
+            f"{needed}: give pictures with more texture, or set background to off"
+        )
+    tracks = points[indices]
+    coordinates = model.coordinates(tracks, camera)
+    if rotation is not None:
+        coordinates = Coordinates(
+            coordinates.centres, coordinates.scale, coordinates.aspect, rotation
+        )
+    observed = model.observe(tracks, coordinates)
+    moved = np.linalg.norm(observed - observed[:, :1], axis=-1).max(axis=1) * coordinates.scale
+    seeds = np.flatnonzero(moved >= model.min_displacement)
+    if len(seeds) < model.subset_size:
+        raise DataError(
+            f"only {len(seeds)} tracks moved {model.min_displacement:g} px or more, but model "
+            f"{model.name} needs {model.subset_size}: choose frames further apart"
+        )
+    spread = np.sqrt(((tracks - tracks.mean(axis=0)) ** 2).sum(axis=-1).mean())
+    return _Scene(
+        model,
+        observed,
+        coordinates,
+        indices,
+        nearest_neighbours(tracks, NEIGHBOURS),
+        seeds,
+        AGREEMENT * float(spread),
+    )
+
+
+def _sample(
+    scene: _Scene, count: Count, sampling: Sampling, rng: np.random.Generator
+) -> HypothesisSet:
+    """Draws batches until there are enough confirmed hypotheses, or no hope of more."""
+    wanted = MOST if count == "auto" else count
+    subsets: list[Integers] = []
+    hypotheses: list[Floats] = []
+    progress = _Progress(len(scene.indices))
+    drawn = kept = sound_count = 0
+    while kept < wanted and drawn < PATIENCE * wanted:
+        drawn_now = _draw(scene, BATCH, sampling, rng)
+        found, sound = scene.model.minimal_fit(scene.observed[drawn_now])
+        sound &= (np.diff(np.sort(drawn_now, axis=1), axis=1) > 0).all(axis=1)
+        sound_count += int(sound.sum())
+        drawn_now, found = drawn_now[sound], found[sound]
+        agree = scene.model.residuals(found, scene.observed, scene.coordinates) < scene.tolerance
+        confirmed = _confirmed(scene, drawn_now, agree)
+        drawn += BATCH
+        subsets.append(drawn_now[confirmed])
+        hypotheses.append(found[confirmed])
+        kept += int(confirmed.sum())
+        settled = progress.settled(agree[confirmed])
+        if count == "auto" and kept >= FEWEST and settled:
+            break
+        if drawn >= 20 * BATCH and kept == 0:
+            break
+    if kept == 0:
+        raise DataError(_why_none(scene, drawn, sound_count))
+    return HypothesisSet(
+        model=scene.model.name,
+        manifold=scene.model.manifold.name,
+        frames=tuple(range(scene.observed.shape[1])),
+        coordinates=scene.coordinates,
+        subsets=scene.indices[np.concatenate(subsets)[:wanted]],
+        points=np.concatenate(hypotheses)[:wanted],
+        drawn=drawn,
+    )
+
+
+def _draw(scene: _Scene, size: int, sampling: Sampling, rng: np.random.Generator) -> Integers:
+    """Elemental subsets [size, k], the seed first; a repeated track makes a subset unsound."""
+    k = scene.model.subset_size
+    if sampling == "uniform":
+        return np.asarray(rng.choice(scene.seeds, size=(size, k)))
+    seeds = rng.choice(scene.seeds, size=size)
+    places = rng.random((size, scene.neighbours.shape[1])).argsort(axis=1)[:, : k - 1]
+    others = np.take_along_axis(scene.neighbours[seeds], places, axis=1)
+    return np.concatenate([seeds[:, None], others], axis=1)
+
+
+def _confirmed(scene: _Scene, subsets: Integers, agree: Flags) -> Flags:
+    """Which hypotheses at least CONFIRMATIONS tracks near the seed agree with, not made of them."""
+    near = scene.neighbours[subsets[:, 0]]
+    outside = ~(near[:, :, None] == subsets[:, None, :]).any(axis=2)
+    confirming = (np.take_along_axis(agree, near, axis=1) & outside).sum(axis=1)
+    # a handful of tracks cannot do more than agree altogether
+    needed = np.minimum(CONFIRMATIONS, outside.sum(axis=1))
+    return np.asarray((confirming >= needed) & (needed > 0))
+
+
+class _Progress:
+    """Whether further hypotheses still explain the tracks better than those at hand.
+
+    Each track remembers the largest number of tracks that any hypothesis brought it together
+    with; when the mean of these grows by less than one per cent twice running, sampling settles.
+    """
+
+    def __init__(self, tracks: int) -> None:
+        self._best = np.zeros(tracks)
+        self._still = 0
+
+    def settled(self, agree: Flags) -> bool:
+        before = self._best.mean()
+        if len(agree):
+            support = agree * agree.sum(axis=1, keepdims=True)
+            self._best = np.maximum(self._best, support.max(axis=0))
+        self._still = self._still + 1 if self._best.mean() < 1.01 * before else 0
+        return self._still >= 2
+
+
+def _why_none(scene: _Scene, drawn: int, sound: int) -> str:
+    name = scene.model.name
+    if sound == 0:
+        return (
+            f"all {drawn} elemental subsets are degenerate for model {name} (points on a line, "
+            "equal or parallel motions): choose frames further apart, or another model"
+        )
+    return (
+        f"none of {sound} hypotheses of model {name} is confirmed by {CONFIRMATIONS} further "
+        "tracks: the matches share no motion; check the matches, or choose another model"
+    )
