@@ -60,9 +60,11 @@ class CameraSettings(Section, frozen=True):
 class DetectSettings(Section, frozen=True):
     """Harris corners."""
 
-    method: Annotated[
-        Literal["auto", "pyramid", "single"],
-        Meta(description="Corners at several scales (two views) or at one (sequences)."),
+    levels: Annotated[
+        Auto | Annotated[int, Meta(ge=1, le=8)],
+        Meta(
+            description="Scales to look at, a factor sqrt 2 apart; auto: 4 for two views, else 1."
+        ),
     ] = "auto"
     max_corners: Annotated[
         Auto | Annotated[int, Meta(ge=1)], Meta(description="At most so many corners a frame.")

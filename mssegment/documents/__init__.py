@@ -22,6 +22,7 @@ from mssegment.errors import DataError
 __all__ = [
     "DOCUMENTS",
     "STANDARD",
+    "AnyDocument",
     "CornersDocument",
     "Document",
     "HistoryEntry",

@@ -1,0 +1,69 @@
+"""``mssegment cluster``."""
+
+from __future__ import annotations
+
+import time
+
+import click
+
+from mssegment.cli import COMMANDS
+from mssegment.cli.common import (
+    Voice,
+    document_argument,
+    output_option,
+    read_argument,
+    settings_options,
+    voice_options,
+)
+from mssegment.configuration import Setting, resolve
+from mssegment.documents import HypothesesDocument, SegmentationDocument
+
+KEYS = (
+    "cluster.method",
+    "cluster.bandwidth",
+    "cluster.kernel",
+    "segment.selection",
+    "segment.motions",
+    "segment.min_motions",
+    "segment.granularity",
+    "seed",
+)
+
+
+@click.command(
+    short_help=COMMANDS["cluster"],
+    epilog="Example:  mssegment cluster hypotheses.json -o segmentation.json",
+)
+@document_argument("hypotheses")
+@settings_options(*KEYS)
+@click.option(
+    "--threads",
+    type=click.IntRange(min=1),
+    default=1,
+    show_default=True,
+    help="Threads; the result does not depend on them.",
+)
+@output_option
+@voice_options
+def command(
+    document: str, settings: list[Setting], threads: int, output: str | None, voice: Voice
+) -> None:
+    """Find the modes of the hypotheses by mean shift and turn the right ones into motions.
+
+    Reads a hypotheses document, writes a segmentation document: every mode with its hypotheses and
+    kernel density, every motion with its parameters and inliers, and one label per track.
+    """
+    hypotheses = read_argument(document, HypothesesDocument)
+    start = time.perf_counter()
+    from mssegment import pipeline
+
+    configuration = resolve([*pipeline.inherited(hypotheses), *settings])
+    with voice.working("cluster"):
+        segmentation = pipeline.cluster(hypotheses, configuration, threads)
+    voice.deliver(segmentation, output, describe_segmentation(segmentation), start)
+
+
+def describe_segmentation(document: SegmentationDocument) -> str:
+    """The sentence for the stage's line."""
+    motions = len(document.motions)
+    return f"{len(document.modes)} modes, {motions} motion{'' if motions == 1 else 's'}"

@@ -1,0 +1,57 @@
+"""``mssegment detect``."""
+
+from __future__ import annotations
+
+import time
+
+import click
+
+from mssegment.cli import COMMANDS
+from mssegment.cli.common import Voice, output_option, settings_options, voice_options
+from mssegment.configuration import Setting, resolve
+from mssegment.documents import CornersDocument
+from mssegment.errors import UsageError
+
+KEYS = (
+    "input.start",
+    "input.stop",
+    "input.step",
+    "detect.levels",
+    "detect.max_corners",
+    "detect.quality",
+    "detect.min_distance",
+)
+
+
+@click.command(
+    short_help=COMMANDS["detect"],
+    epilog="Example:  mssegment detect 1.png 2.png -o corners.json",
+)
+@click.argument("images", nargs=-1, metavar="IMAGE... | FOLDER | GLOB | VIDEO")
+@settings_options(*KEYS)
+@output_option
+@voice_options
+def command(
+    images: tuple[str, ...], settings: list[Setting], output: str | None, voice: Voice
+) -> None:
+    """Find Harris corners in pictures (8 or 16 bit, grey or colour) or in a video.
+
+    Writes a corners document.
+    """
+    if not images:
+        raise UsageError("no pictures given; name two pictures, a folder, a glob or a video")
+    start = time.perf_counter()
+    from mssegment import pipeline
+
+    configuration = resolve([*settings, Setting("input.images", list(images), "IMAGE")])
+    with voice.working("detect"):
+        document = pipeline.detect(configuration, pipeline.open_input(configuration))
+    voice.deliver(document, output, describe_corners(document), start)
+
+
+def describe_corners(document: CornersDocument) -> str:
+    """The sentence for the stage's line."""
+    counts = [len(corners.points) for corners in document.corners]
+    if len(counts) <= 3:
+        return f"{' + '.join(str(count) for count in counts)} corners"
+    return f"{sum(counts)} corners in {len(counts)} frames"

@@ -1,0 +1,62 @@
+"""``mssegment hypothesize``."""
+
+from __future__ import annotations
+
+import time
+
+import click
+
+from mssegment.cli import COMMANDS
+from mssegment.cli.common import (
+    Voice,
+    document_argument,
+    output_option,
+    read_argument,
+    settings_options,
+    voice_options,
+)
+from mssegment.configuration import Setting, resolve
+from mssegment.documents import HypothesesDocument, TracksDocument
+
+KEYS = (
+    "hypothesize.model",
+    "hypothesize.rank",
+    "hypothesize.count",
+    "hypothesize.sampling",
+    "cluster.method",
+    "background.remove",
+    "background.min_displacement",
+    "camera.file",
+    "camera.derotate",
+    "seed",
+)
+
+
+@click.command(
+    short_help=COMMANDS["hypothesize"],
+    epilog="Example:  mssegment hypothesize --model affine tracks.json -o hypotheses.json",
+)
+@document_argument("tracks")
+@settings_options(*KEYS)
+@output_option
+@voice_options
+def command(document: str, settings: list[Setting], output: str | None, voice: Voice) -> None:
+    """Draw elemental subsets of the tracks and turn each into a motion hypothesis.
+
+    Reads a tracks document, writes a hypotheses document. What stands still under a static camera
+    is set aside as background; a hypothesis is kept when tracks near its subset agree with it.
+    """
+    tracks = read_argument(document, TracksDocument)
+    start = time.perf_counter()
+    from mssegment import pipeline
+
+    with voice.working("hypothesize"):
+        hypotheses = pipeline.hypothesize(tracks, resolve(settings))
+    voice.deliver(hypotheses, output, describe_hypotheses(hypotheses), start)
+
+
+def describe_hypotheses(document: HypothesesDocument) -> str:
+    """The sentence for the stage's line."""
+    kept = sum(len(chosen.points) for chosen in document.sets)
+    drawn = sum(chosen.drawn for chosen in document.sets)
+    return f"{kept} of {drawn} subsets agree"

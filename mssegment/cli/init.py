@@ -1,0 +1,33 @@
+"""``mssegment init``."""
+
+from __future__ import annotations
+
+import click
+
+from mssegment.cli import COMMANDS
+from mssegment.cli.common import Voice, output_option, voice_options
+from mssegment.documents import STANDARD, write_bytes
+
+MODELS = ("affine", "translation", "factorization", "homography", "auto")
+
+
+@click.command(
+    short_help=COMMANDS["init"],
+    epilog="Example:  mssegment init --model translation -o config.yaml",
+)
+@click.option(
+    "--model",
+    type=click.Choice(MODELS),
+    default="affine",
+    show_default=True,
+    help="The motion model that the configuration is for.",
+)
+@output_option
+@voice_options
+def command(model: str, output: str | None, voice: Voice) -> None:
+    """Write a commented config.yaml with every key, its default and what it means."""
+    from mssegment.configuration.template import template
+
+    write_bytes(output or STANDARD, template(model).encode())
+    if output not in (None, STANDARD):
+        voice.note(f"{output} written; put your pictures into input.images, then `mssegment run`")

@@ -1,0 +1,49 @@
+"""``mssegment match``."""
+
+from __future__ import annotations
+
+import time
+
+import click
+
+from mssegment.cli import COMMANDS
+from mssegment.cli.common import (
+    Voice,
+    document_argument,
+    output_option,
+    read_argument,
+    settings_options,
+    voice_options,
+)
+from mssegment.configuration import Setting, resolve
+from mssegment.documents import CornersDocument, TracksDocument
+
+KEYS = ("match.method", "match.min_length")
+
+
+@click.command(
+    short_help=COMMANDS["match"],
+    epilog="Example:  mssegment detect 1.png 2.png | mssegment match -o tracks.json",
+)
+@document_argument("corners")
+@settings_options(*KEYS)
+@output_option
+@voice_options
+def command(document: str, settings: list[Setting], output: str | None, voice: Voice) -> None:
+    """Match corners between two views, or follow them through a sequence.
+
+    Reads a corners document and the pictures it names, writes a tracks document.
+    """
+    corners = read_argument(document, CornersDocument)
+    start = time.perf_counter()
+    from mssegment import pipeline
+
+    with voice.working("match"):
+        tracks = pipeline.match(corners, resolve(settings))
+    voice.deliver(tracks, output, describe_tracks(tracks), start)
+
+
+def describe_tracks(document: TracksDocument) -> str:
+    """The sentence for the stage's line."""
+    count, frames = document.tracks.points.shape[:2]
+    return f"{count} matches" if frames == 2 else f"{count} tracks over {frames} frames"

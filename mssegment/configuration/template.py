@@ -1,0 +1,44 @@
+"""The commented config.yaml that `mssegment init` writes, made from the settings themselves."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import yaml
+
+from mssegment.configuration.settings import KEYS
+
+_HEADER = """\
+# Configuration of mssegment. `mssegment run config.yaml --out out` runs it.
+# Every key is here with its default; what you do not need may be deleted.
+# Paths are relative to this file.
+"""
+
+_IMAGES = {
+    "factorization": ["frames/"],
+    "translation": ["1.png", "2.png"],
+}
+
+
+def template(model: str = "affine") -> str:
+    """The text of a configuration for ``model`` that may be edited and run."""
+    values: dict[str, Any] = {key: setting.default for key, setting in KEYS.items()}
+    values["hypothesize.model"] = model
+    values["input.images"] = _IMAGES.get(model, ["1.png", "2.png"])
+    if model == "translation":
+        values["camera.file"] = "camera.yaml"
+    lines = [_HEADER]
+    current = ""
+    for key, setting in KEYS.items():
+        section, _, name = key.rpartition(".")
+        if section != current:
+            lines.append(f"\n{section}:")
+            current = section
+        indent = "  " if section else ""
+        lines.append(f"{indent}# {setting.description} ({setting.choices})")
+        lines.append(f"{indent}{name}: {_yaml(values[key])}")
+    return "\n".join(lines) + "\n"
+
+
+def _yaml(value: Any) -> str:
+    return yaml.safe_dump(value, default_flow_style=True).removesuffix("...\n").strip()

@@ -1,0 +1,294 @@
+"""The stages, each from one document to the next, and ``run``, all of them in memory.
+
+A stage takes the document before it and the configuration; nothing here knows of the command
+line or prints. Every stage that draws random numbers has a stream of its own, so that ``run`` and
+a chain of single commands give the same result.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+import mssegment
+from mssegment.configuration import KEYS, Configuration, Setting, camera_of
+from mssegment.documents import (
+    CornersDocument,
+    Document,
+    HistoryEntry,
+    HypothesesDocument,
+    SegmentationDocument,
+    TracksDocument,
+)
+from mssegment.records import Frame
+
+if TYPE_CHECKING:
+    from mssegment.imaging.frames import FrameSource
+
+STAGE_KEYS: dict[str, tuple[str, ...]] = {
+    "detect": tuple(key for key in KEYS if key.startswith("detect.")),
+    "match": tuple(key for key in KEYS if key.startswith("match.")),
+    "hypothesize": (
+        "seed",
+        "camera.derotate",
+        *(key for key in KEYS if key.startswith(("background.", "hypothesize."))),
+        "cluster.method",
+    ),
+    "cluster": ("seed", *(key for key in KEYS if key.startswith(("cluster.", "segment.")))),
+}
+"""The settings that change the result of a stage; its entry in the history records them."""
+
+_STREAMS = {"match": 1, "hypothesize": 2, "cluster": 3}
+
+
+def _random(stage: str, configuration: Configuration) -> np.random.Generator:
+    return np.random.default_rng([configuration.seed, _STREAMS[stage]])
+
+
+def setting_of(configuration: Configuration, key: str) -> Any:
+    """The value of a dotted key."""
+    value: Any = configuration
+    for name in key.split("."):
+        value = getattr(value, name)
+    return value
+
+
+def inherited(document: Document) -> list[Setting]:
+    """The settings that earlier stages recorded in the document, such as the seed."""
+    return [
+        Setting(key, value, f"the {document.kind} document")
+        for entry in document.history
+        for key, value in entry.settings.items()
+        if key in KEYS
+    ]
+
+
+def open_input(configuration: Configuration) -> FrameSource:
+    """The frames that ``input.*`` names; raises DataError as ``imaging.frames.open_frames``."""
+    from mssegment.imaging.frames import open_frames
+
+    read = configuration.input
+    return open_frames(read.images, read.start, read.stop, read.step)
+
+
+def import_tracks(path: str) -> TracksDocument:
+    """Tracks that another program wrote (``datasets``); raises DataError."""
+    from mssegment.datasets import read
+
+    found = read(path)
+    return TracksDocument(
+        frames=list(found.frames),
+        camera=found.camera,
+        tracks=found.tracks,
+        history=[HistoryEntry("import", mssegment.__version__, {})],
+    )
+
+
+def detect(configuration: Configuration, source: FrameSource) -> CornersDocument:
+    """Stage 1: the corners of every frame."""
+    from mssegment.imaging.corners import QUALITY, detect_all
+
+    settings = configuration.detect
+    corners = detect_all(
+        source.greys(),
+        source.frames,
+        levels=_given(settings.levels),
+        limit=_given(settings.max_corners),
+        distance=_given(settings.min_distance),
+        quality=QUALITY if settings.quality == "auto" else settings.quality,
+    )
+    return CornersDocument(
+        frames=list(source.frames), corners=corners, history=[_entry("detect", configuration)]
+    )
+
+
+def match(
+    document: CornersDocument, configuration: Configuration, source: FrameSource | None = None
+) -> TracksDocument:
+    """Stage 2: corners become tracks. Without ``source`` the pictures are opened again."""
+    from mssegment.imaging.frames import reopen_frames
+    from mssegment.imaging.matching import match as match_corners
+
+    settings = configuration.match
+    source = source or reopen_frames(document.frames)
+    tracks = match_corners(
+        source.greys(),
+        document.corners,
+        method=settings.method,
+        min_length=_given(settings.min_length),
+    )
+    return TracksDocument(
+        frames=document.frames,
+        camera=document.camera,
+        tracks=tracks,
+        history=[*document.history, _entry("match", configuration)],
+    )
+
+
+def hypothesize(document: TracksDocument, configuration: Configuration) -> HypothesesDocument:
+    """Stage 3: background, elemental subsets, and hypotheses on the manifold of the model."""
+    from mssegment.hypotheses import hypothesize as draw
+    from mssegment.segmentation.background import find_background
+
+    settings = configuration.hypothesize
+    camera = camera_of(configuration.camera) or document.camera
+    background = find_background(
+        document.tracks.points,
+        frame_size=_size(document.frames),
+        remove=configuration.background.remove,
+        min_displacement=configuration.background.min_displacement,
+    )
+    sets = draw(
+        document.tracks.points,
+        model=settings.model,
+        camera=camera,
+        affines=document.tracks.affines,
+        count=settings.count,
+        sampling=settings.sampling,
+        eligible=background.status == 0,
+        rng=_random("hypothesize", configuration),
+    )
+    return HypothesesDocument(
+        frames=document.frames,
+        camera=camera,
+        tracks=document.tracks,
+        status=background.status,
+        sets=sets,
+        history=[*document.history, _entry("hypothesize", configuration, background.notes)],
+    )
+
+
+def cluster(
+    document: HypothesesDocument, configuration: Configuration, threads: int = 1
+) -> SegmentationDocument:
+    """Stage 4: modes, motions, labels."""
+    from mssegment.segmentation import cluster as segment
+
+    found = segment(
+        document.tracks.points,
+        document.sets,
+        camera=document.camera,
+        status=document.status,
+        frame_size=_size(document.frames),
+        bandwidth=configuration.cluster.bandwidth,
+        kernel=configuration.cluster.kernel,
+        method=configuration.cluster.method,
+        selection=configuration.segment.selection,
+        motions=configuration.segment.motions,
+        min_motions=configuration.segment.min_motions,
+        granularity=configuration.segment.granularity,
+        rng=_random("cluster", configuration),
+        threads=threads,
+    )
+    return SegmentationDocument(
+        frames=document.frames,
+        camera=document.camera,
+        labels=found.labels,
+        motions=found.motions,
+        modes=found.modes,
+        bandwidths=found.bandwidths,
+        notes=found.notes,
+        residuals=found.residuals,
+        assignments=found.assignments,
+        tracks=document.tracks,
+        sets=document.sets,
+        history=[*document.history, _entry("cluster", configuration, found.notes)],
+    )
+
+
+@dataclass
+class Timings:
+    """Seconds of every stage, in the order they ran, and peak memory in bytes after each."""
+
+    seconds: dict[str, float] = field(default_factory=dict)
+    peak_bytes: dict[str, int] = field(default_factory=dict)
+
+    @contextmanager
+    def stage(self, name: str) -> Iterator[None]:
+        """Measures the block as stage ``name``."""
+        start = time.perf_counter()
+        yield
+        self.seconds[name] = time.perf_counter() - start
+        self.peak_bytes[name] = _peak_bytes()
+
+
+@dataclass(frozen=True)
+class Result:
+    """All documents of one run; ``corners`` is None where tracks were given."""
+
+    source: FrameSource | None
+    corners: CornersDocument | None
+    tracks: TracksDocument
+    hypotheses: HypothesesDocument
+    segmentation: SegmentationDocument
+    timings: Timings
+
+
+def run(
+    configuration: Configuration,
+    tracks: TracksDocument | None = None,
+    threads: int = 1,
+    on_stage: Callable[[str, Document | None, Timings], None] = lambda name, document, timings: (
+        None
+    ),
+) -> Result:
+    """All stages in memory, from pictures (``input.images``) or from ``tracks``.
+
+    ``on_stage(name, None, ...)`` is called before a stage, ``on_stage(name, document, ...)`` after
+    it. Raises DataError as the stages do.
+    """
+    timings = Timings()
+    source: FrameSource | None = None
+    corners: CornersDocument | None = None
+
+    def timed(name: str, stage: Callable[[], Any]) -> Any:
+        on_stage(name, None, timings)
+        with timings.stage(name):
+            document = stage()
+        on_stage(name, document, timings)
+        return document
+
+    if tracks is None:
+        with timings.stage("read"):
+            source = open_input(configuration)
+        opened = source
+        corners = timed("detect", lambda: detect(configuration, opened))
+        found = corners
+        tracks = timed("match", lambda: match(found, configuration, opened))
+    given = tracks
+    hypotheses = timed("hypothesize", lambda: hypothesize(given, configuration))
+    segmentation = timed("cluster", lambda: cluster(hypotheses, configuration, threads))
+    return Result(source, corners, tracks, hypotheses, segmentation, timings)
+
+
+def _given(value: Any) -> Any:
+    return None if value == "auto" else value
+
+
+def _size(frames: list[Frame]) -> tuple[int, int]:
+    return (frames[0].width, frames[0].height) if frames else (0, 0)
+
+
+def _entry(stage: str, configuration: Configuration, notes: tuple[str, ...] = ()) -> HistoryEntry:
+    return HistoryEntry(
+        stage=stage,
+        version=mssegment.__version__,
+        settings={key: setting_of(configuration, key) for key in STAGE_KEYS[stage]},
+        notes=notes,
+    )
+
+
+def _peak_bytes() -> int:
+    try:
+        import resource
+    except ImportError:  # Windows has no such counter
+        return 0
+    import sys
+
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    return int(peak if sys.platform == "darwin" else peak * 1024)
