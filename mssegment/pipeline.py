@@ -25,7 +25,7 @@ from mssegment.documents import (
     SegmentationDocument,
     TracksDocument,
 )
-from mssegment.records import Frame
+from mssegment.records import Camera, Floats, Frame
 
 if TYPE_CHECKING:
     from mssegment.imaging.frames import FrameSource
@@ -137,14 +137,15 @@ def hypothesize(document: TracksDocument, configuration: Configuration) -> Hypot
 
     settings = configuration.hypothesize
     camera = camera_of(configuration.camera) or document.camera
+    points = _straight(document.tracks.points, camera)
     background = find_background(
-        document.tracks.points,
+        points,
         frame_size=_size(document.frames),
         remove=configuration.background.remove,
         min_displacement=configuration.background.min_displacement,
     )
     sets = draw(
-        document.tracks.points,
+        points,
         model=settings.model,
         camera=camera,
         affines=document.tracks.affines,
@@ -170,7 +171,7 @@ def cluster(
     from mssegment.segmentation import cluster as segment
 
     found = segment(
-        document.tracks.points,
+        _straight(document.tracks.points, document.camera),
         document.sets,
         camera=document.camera,
         status=document.status,
@@ -264,6 +265,15 @@ def run(
     hypotheses = timed("hypothesize", lambda: hypothesize(given, configuration))
     segmentation = timed("cluster", lambda: cluster(hypotheses, configuration, threads))
     return Result(source, corners, tracks, hypotheses, segmentation, timings)
+
+
+def _straight(points: Floats, camera: Camera | None) -> Floats:
+    """The points without lens distortion, which comes before anything else."""
+    if camera is None or not camera.distortion:
+        return points
+    from mssegment.imaging.camera import undistort_points
+
+    return undistort_points(points, camera)
 
 
 def _given(value: Any) -> Any:

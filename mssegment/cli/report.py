@@ -1,0 +1,64 @@
+"""``mssegment report``."""
+
+from __future__ import annotations
+
+import sys
+
+import click
+
+from mssegment.cli import COMMANDS
+from mssegment.cli.common import (
+    Voice,
+    document_argument,
+    read_argument,
+    settings_options,
+    voice_options,
+)
+from mssegment.configuration import Setting, resolve
+from mssegment.documents import SegmentationDocument
+
+KEYS = ("report.labels", "report.label_radius", "report.pictures", "report.html")
+
+
+@click.command(
+    short_help=COMMANDS["report"],
+    epilog="Example:  mssegment report segmentation.json --labels labels.csv --out report",
+)
+@document_argument("segmentation")
+@settings_options(*KEYS)
+@click.option("--out", metavar="DIR", help="Folder for report.json, the page and the pictures.")
+@click.option("--force", is_flag=True, help="Write into a folder that exists.")
+@click.option(
+    "--format",
+    "form",
+    type=click.Choice(["text", "json", "csv", "markdown", "latex"]),
+    help="Format of the tables on standard output.  [default: text; json with --json]",
+)
+@voice_options
+def command(
+    document: str,
+    settings: list[Setting],
+    out: str | None,
+    force: bool,
+    form: str | None,
+    voice: Voice,
+) -> None:
+    """Show a segmentation: the paper's tables, annotated pictures, a page.
+
+    Reads a segmentation document. With manual labels (a CSV of points, mask pictures, or labels
+    that came with imported tracks) also the confusion matrix, the misclassification, and the
+    residual errors (23) and (24) of the paper.
+    """
+    segmentation = read_argument(document, SegmentationDocument)
+    from mssegment.cli.results import Results, claim_folder
+    from mssegment.rendering.tables import format_report
+
+    configuration = resolve(settings)
+    if out is not None:
+        claim_folder(out, force)
+    results = Results.of(segmentation, configuration)
+    if out is not None:
+        with voice.working("report"):
+            written = results.write(out)
+        voice.note(f"{', '.join(written)} in {out}")
+    sys.stdout.write(format_report(results.report, form or ("json" if voice.json else "text")))

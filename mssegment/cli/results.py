@@ -1,0 +1,111 @@
+"""The folder of results that ``run`` and ``report`` write: report.json, the page, the pictures."""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import msgspec
+
+from mssegment.configuration import Configuration
+from mssegment.documents import SegmentationDocument, write_bytes
+from mssegment.errors import DataError, UsageError
+from mssegment.rendering.report import Picture, Report, build_report, report_json
+from mssegment.truth import true_labels
+
+if TYPE_CHECKING:
+    from mssegment.imaging.frames import FrameSource
+
+
+def claim_folder(out: str, force: bool) -> None:
+    """Makes the folder; raises UsageError where it is in use already and ``force`` is not set."""
+    folder = Path(out)
+    if folder.is_file():
+        raise UsageError(f"{out}: this is a file, --out names a folder")
+    if folder.is_dir() and any(folder.iterdir()) and not force:
+        raise UsageError(f"{out}: exists already; --force writes into it, --out names another")
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        probe = folder / ".mssegment"
+        probe.touch()
+        probe.unlink()
+    except OSError as error:
+        raise UsageError(f"{out}: cannot be written ({error.strerror}); choose another") from None
+
+
+@dataclass(frozen=True)
+class Results:
+    """A report and the settings that say what of it is written."""
+
+    report: Report
+    configuration: Configuration
+
+    @classmethod
+    def of(
+        cls,
+        document: SegmentationDocument,
+        configuration: Configuration,
+        source: FrameSource | None = None,
+    ) -> Results:
+        """The results of a segmentation; pictures from ``source``, or from the files it names."""
+        settings = configuration.report
+        truth = (
+            true_labels(settings.labels, document.tracks, document.frames, settings.label_radius)
+            if settings.labels
+            else None
+        )
+        report = build_report(
+            frames=document.frames,
+            tracks=document.tracks,
+            sets=document.sets,
+            segmentation=document.segmentation,
+            pictures=_Pictures(document, source),
+            truth=truth,
+            history=[dataclasses.asdict(entry) for entry in document.history],
+            configuration=msgspec.to_builtins(configuration),
+        )
+        return cls(report, configuration)
+
+    def write(self, out: str) -> list[str]:
+        """Writes report.json, and the pictures and the page that are asked for; their names."""
+        written = {"report.json": self.json()}
+        settings = self.configuration.report
+        if settings.pictures:
+            from mssegment.rendering.pictures import render_pictures
+
+            written |= render_pictures(self.report)
+        if settings.html:
+            from mssegment.rendering.page import render_page
+
+            written["report.html"] = render_page(self.report).encode()
+        for name, content in written.items():
+            write_bytes(str(Path(out) / name), content)
+        return list(written)
+
+    def json(self) -> bytes:
+        """report.json, indented."""
+        return msgspec.json.format(msgspec.json.encode(report_json(self.report)), indent=1) + b"\n"
+
+
+class _Pictures:
+    """The picture of a frame, blue first, or None where its file is not at hand."""
+
+    def __init__(self, document: SegmentationDocument, source: FrameSource | None) -> None:
+        self._document = document
+        self._source = source
+        self._missing = False
+
+    def __call__(self, index: int) -> Picture | None:
+        if self._source is None and not self._missing:
+            from mssegment.imaging.frames import reopen_frames
+
+            try:
+                self._source = reopen_frames(self._document.frames)
+            except DataError:
+                # tracks of somebody else's tracker, or a document from another machine
+                self._missing = True
+        if self._source is None:
+            return None
+        return self._source.colour(index)[..., ::-1]

@@ -1,0 +1,188 @@
+"""``mssegment run``."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from mssegment.cli import COMMANDS
+from mssegment.cli.common import Voice, settings_options, voice_options
+from mssegment.configuration import (
+    Configuration,
+    Setting,
+    from_file,
+    from_text,
+    resolve,
+)
+from mssegment.documents import (
+    CornersDocument,
+    Document,
+    HypothesesDocument,
+    SegmentationDocument,
+    TracksDocument,
+)
+from mssegment.errors import UsageError
+
+if TYPE_CHECKING:
+    from mssegment import pipeline
+    from mssegment.cli.results import Results
+
+KEYS = ("hypothesize.model", "segment.motions", "camera.file", "report.labels", "seed")
+_TRACK_FILES = (".csv", ".mat", ".json")
+
+
+@click.command(
+    short_help=COMMANDS["run"],
+    epilog="Example:  mssegment run 1.png 2.png --model affine --out out",
+)
+@click.argument("inputs", nargs=-1, required=True, metavar="CONFIG.yaml | IMAGE... | TRACKS")
+@settings_options(*KEYS)
+@click.option("--set", "assignments", multiple=True, metavar="KEY=VALUE", help="Set any key.")
+@click.option(
+    "--out", default="mssegment-out", show_default=True, metavar="DIR", help="Folder of results."
+)
+@click.option("--force", is_flag=True, help="Write into a folder that exists.")
+@click.option(
+    "--threads",
+    type=click.IntRange(min=1),
+    default=1,
+    show_default=True,
+    help="Threads; the result does not depend on them.",
+)
+@click.option("--profile", is_flag=True, help="Show time, share and peak memory of every stage.")
+@voice_options
+def command(
+    inputs: tuple[str, ...],
+    settings: list[Setting],
+    assignments: tuple[str, ...],
+    out: str,
+    force: bool,
+    threads: int,
+    profile: bool,
+    voice: Voice,
+) -> None:
+    """Run all stages and write everything into one folder.
+
+    The input is a configuration, pictures (two, a folder, a glob, a video), or tracks of your own
+    (CSV, .mat, a tracks document). The folder gets the documents of the stages, report.json,
+    timings.json, the annotated pictures and report.html.
+    """
+    configuration = _configuration(inputs, settings, assignments)
+    from mssegment.cli.results import Results, claim_folder
+
+    claim_folder(out, force)
+    from mssegment import pipeline
+
+    tracks = _tracks(configuration)
+    with voice.working("read") as progress:
+
+        def on_stage(name: str, document: Document | None, timings: pipeline.Timings) -> None:
+            if document is None:
+                progress(name)
+            else:
+                voice.stage(name, _describe(document), timings.seconds[name])
+                for note in document.history[-1].notes:
+                    voice.note(note)
+
+        result = pipeline.run(configuration, tracks, threads, on_stage)
+        progress("report")
+        with result.timings.stage("report"):
+            results = Results.of(result.segmentation, configuration, result.source)
+            names = _write(result, results, out)
+    _finish(results, result.timings, names, out, voice, profile)
+
+
+def _configuration(
+    inputs: tuple[str, ...], settings: list[Setting], assignments: tuple[str, ...]
+) -> Configuration:
+    """Option > environment > config > default; the pictures on the command line count as option."""
+    layers: list[Setting] = []
+    if any(Path(path).suffix.lower() in (".yaml", ".yml") for path in inputs):
+        if len(inputs) > 1:
+            raise UsageError(f"{' '.join(inputs)}: one configuration, or pictures; not both")
+        layers = from_file(inputs[0])
+    elif len(inputs) == 1 and Path(inputs[0]).suffix.lower() in _TRACK_FILES:
+        layers = [Setting("input.tracks", inputs[0], "TRACKS")]
+    else:
+        layers = [Setting("input.images", list(inputs), "IMAGE")]
+    return resolve([*layers, *settings, *from_text(assignments)])
+
+
+def _tracks(configuration: Configuration) -> TracksDocument | None:
+    path = configuration.input.tracks
+    if path is None:
+        return None
+    if configuration.input.images:
+        raise UsageError("input.images and input.tracks are both set; keep one of them")
+    from mssegment import pipeline
+    from mssegment.documents import read_document
+
+    if Path(path).suffix.lower() == ".json":
+        return read_document(path, TracksDocument)
+    return pipeline.import_tracks(path)
+
+
+def _describe(document: Document) -> str:
+    from mssegment.cli.cluster import describe_segmentation
+    from mssegment.cli.detect import describe_corners
+    from mssegment.cli.hypothesize import describe_hypotheses
+    from mssegment.cli.match import describe_tracks
+
+    match document:
+        case CornersDocument():
+            return describe_corners(document)
+        case TracksDocument():
+            return describe_tracks(document)
+        case HypothesesDocument():
+            return describe_hypotheses(document)
+        case SegmentationDocument():
+            return describe_segmentation(document)
+    raise TypeError(type(document).__name__)
+
+
+def _write(result: pipeline.Result, results: Results, out: str) -> list[str]:
+    """Writes the documents and the results; the names of the results."""
+    from mssegment.documents import write_document
+
+    for document in (result.corners, result.tracks, result.hypotheses, result.segmentation):
+        if document is not None:
+            write_document(str(Path(out) / f"{document.kind}.json"), document)
+    return results.write(out)
+
+
+def _finish(
+    results: Results,
+    timings: pipeline.Timings,
+    names: list[str],
+    out: str,
+    voice: Voice,
+    profile: bool,
+) -> None:
+    """timings.json, the tables on standard output, and where everything is."""
+    import msgspec
+
+    from mssegment.documents import write_bytes
+    from mssegment.rendering.tables import summary
+
+    content = {"seconds": timings.seconds, "peak_bytes": timings.peak_bytes}
+    write_bytes(
+        str(Path(out) / "timings.json"),
+        msgspec.json.format(msgspec.json.encode(content), indent=1) + b"\n",
+    )
+    voice.stage("report", f"{len(names)} files in {out}", timings.seconds["report"])
+    if profile:
+        print(_profile(timings), file=sys.stderr)
+    sys.stdout.write(results.json().decode() if voice.json else summary(results.report))
+
+
+def _profile(timings: pipeline.Timings) -> str:
+    total = sum(timings.seconds.values())
+    lines = [f"{'stage':<12} {'seconds':>8} {'share':>6} {'peak MB':>8}"]
+    for name, seconds in timings.seconds.items():
+        peak = timings.peak_bytes[name] / 1e6
+        lines.append(f"{name:<12} {seconds:8.3f} {seconds / total:6.0%} {peak:8.0f}")
+    lines.append(f"{'all':<12} {total:8.3f}")
+    return "\n".join(lines)
