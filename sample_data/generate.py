@@ -161,7 +161,7 @@ def palette() -> Bytes:
     steps = np.arange(SHADES)[:, None]
     dark, light = (np.array([ramp[i] for ramp in RAMPS])[:, None, :] for i in (0, 1))
     ramps = dark + (light - dark) * steps // (SHADES - 1)
-    return ramps.reshape(-1, 3).astype(np.uint8)
+    return np.asarray(ramps.reshape(-1, 3), np.uint8)
 
 
 def _blocks(samples: Integers) -> Integers:
@@ -183,7 +183,7 @@ def _colours(surface: Integers, level: Integers) -> Bytes:
     count = levels.shape[2]
     away = ((table[None] * count - mix[:, None]) ** 2).sum(axis=2)
     index[rows, columns] = away.argmin(axis=1)
-    return index.astype(np.uint8)
+    return np.asarray(index, np.uint8)
 
 
 def _mask(surface: Integers) -> Bytes:

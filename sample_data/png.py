@@ -1,4 +1,4 @@
-"""Write 8-bit grey and palette PNG files with zlib alone, the same whatever encoder is installed."""
+"""Write 8-bit grey and palette PNG files with zlib alone: the same whatever is installed."""
 
 from __future__ import annotations
 

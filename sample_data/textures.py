@@ -60,7 +60,7 @@ def print_page(u: Floats, v: Floats, seed: int) -> Floats:
     letter_u, letter_v = dot_u // 6, dot_v // 8
     inside = (dot_u % 6 < 5) & (dot_v % 8 < 6)
     space = random_at(letter_u, letter_v, seed + 7) < 0.16
-    ink = random_at(dot_u, dot_v, seed + np.int64(11)) < 0.52
+    ink = random_at(dot_u, dot_v, seed + 11) < 0.52
     tone = 0.16 + 0.30 * (random_at(letter_u // 5, letter_v, seed + 5) < 0.3)
     return np.where(inside & ink & ~space, tone, paper)
 
@@ -100,4 +100,6 @@ def pebbles(u: Floats, v: Floats, seed: int) -> Floats:
             shade = np.where(closer, random_at(cx, cy, seed + 2), shade)
             nearest = np.where(closer, gap, nearest)
     rim = np.clip((second - nearest) / 4.0, 0.0, 1.0)
-    return 0.12 + rim * (0.25 + 0.55 * shade) + 0.12 * (clouds(u, v, 4.0, seed + 3) - 0.5)
+    return np.asarray(
+        0.12 + rim * (0.25 + 0.55 * shade) + 0.12 * (clouds(u, v, 4.0, seed + 3) - 0.5)
+    )
