@@ -1,7 +1,8 @@
 """Arrays in JSON: nested lists, or ``{"dtype": "<f8", "shape": [...], "base64": "..."}``.
 
-Every reader takes both; writers switch to base64 above ``LIST_LIMIT`` numbers. A position that is
-not seen is null in a list and NaN in base64; infinity is refused.
+Every reader takes both; writers switch to base64 above ``LIST_LIMIT`` numbers, and for empty
+arrays with several axes. A position that is not seen is null in a list and NaN in base64; infinity
+is refused.
 """
 
 from __future__ import annotations
@@ -35,7 +36,8 @@ def encode_array(value: object) -> object:
     Raises TypeError for anything else.
     """
     if isinstance(value, np.ndarray):
-        if value.size <= LIST_LIMIT:
+        # an empty list could not say its inner lengths
+        if value.size <= LIST_LIMIT and (value.size or value.ndim == 1):
             return value.tolist()
         little = np.ascontiguousarray(value, dtype=value.dtype.newbyteorder("<"))
         return EncodedArray(

@@ -160,12 +160,7 @@ DOCUMENTS: dict[str, type[Document]] = {
 
 
 def _check_shape(array: Floats | Integers, expected: tuple[int | None, ...], name: str) -> None:
-    """Raises ValueError where the shape differs; None stands for any length.
-
-    An empty list cannot say its inner lengths, so no elements fit any shape with a free length.
-    """
-    if array.size == 0 and array.ndim == 1 and expected[0] in (None, 0):
-        return
+    """Raises ValueError where the shape differs; None stands for any length."""
     fits = array.ndim == len(expected) and all(
         want in (None, have) for want, have in zip(expected, array.shape, strict=True)
     )
