@@ -222,14 +222,18 @@ def _flatten(node: yaml.Node | None, path: str, section: str = "") -> list[Setti
             settings += _flatten(value_node, path, name)
             continue
         _check_key(key, origin)
-        settings.append(Setting(key, _value(value_node), origin))
+        settings.append(Setting(key, _value(value_node, origin), origin))
     return settings
 
 
-def _value(node: yaml.Node) -> Any:
+def _value(node: yaml.Node, origin: str) -> Any:
     loader = yaml.SafeLoader("")
     try:
         return loader.construct_document(node)
+    except (yaml.YAMLError, ValueError) as error:
+        # ValueError: a scalar that looks like a date or a number and is none
+        reason = getattr(error, "problem", None) or error
+        raise ConfigurationError(f"{origin}: no plain YAML value ({reason})") from None
     finally:
         loader.dispose()
 
@@ -240,7 +244,7 @@ def _place(node: yaml.Node) -> str:
 
 def _scalar(text: str, origin: str) -> Any:
     node = _compose(text, origin)
-    return "" if node is None else _value(node)
+    return "" if node is None else _value(node, origin)
 
 
 def _check_key(key: str, origin: str) -> None:

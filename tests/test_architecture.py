@@ -1,0 +1,104 @@
+"""The house: imports run one way, and the lower rooms know nothing of files or of the terminal."""
+
+from __future__ import annotations
+
+import ast
+import subprocess
+import sys
+from pathlib import Path
+
+import mssegment
+
+ROOT = Path(mssegment.__file__).parent
+FLOORS = [
+    {"records", "errors"},
+    {"manifolds"},
+    {"motions", "evaluation"},
+    {"meanshift", "imaging", "datasets", "documents", "configuration"},
+    {"hypotheses", "segmentation", "rendering", "truth"},
+    {"pipeline"},
+    {"benchmarking"},
+    {"cli"},
+]
+"""From the ground up: a room imports only from rooms on its own floor or below."""
+FLOOR = {room: level for level, rooms in enumerate(FLOORS) for room in rooms}
+TERMINAL = {"click", "rich"}
+QUIET_ROOMS = {"manifolds", "meanshift", "motions", "hypotheses", "segmentation", "evaluation"}
+FILES = {"cv2", "pathlib", "os", "io", "json", "yaml", "msgspec", "click", "rich"}
+
+
+def imports_of(path: Path) -> set[str]:
+    """Every module that a file imports, also inside functions and for type checking."""
+    found: set[str] = set()
+    for node in ast.walk(ast.parse(path.read_text())):
+        if isinstance(node, ast.Import):
+            found |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom):
+            assert node.level == 0, f"{path}: relative import"
+            module = node.module or ""
+            found |= {f"{module}.{alias.name}" for alias in node.names} | {module}
+    return found
+
+
+def room_of(path: Path) -> str:
+    """The room of a source file: the folder or file right below the package."""
+    return path.relative_to(ROOT).parts[0].removesuffix(".py")
+
+
+def rooms_imported(path: Path) -> set[str]:
+    names = (name.split(".") for name in imports_of(path) if name.startswith("mssegment."))
+    return {parts[1] for parts in names} & FLOOR.keys()
+
+
+def sources() -> list[Path]:
+    return [path for path in ROOT.rglob("*.py") if path != ROOT / "__init__.py"]
+
+
+def test_every_room_has_its_floor() -> None:
+    assert {room_of(path) for path in sources()} <= FLOOR.keys()
+
+
+def test_imports_run_one_way() -> None:
+    upwards = [
+        f"{path.relative_to(ROOT)} imports {room}"
+        for path in sources()
+        for room in rooms_imported(path)
+        if FLOOR[room] > FLOOR[room_of(path)]
+    ]
+    assert not upwards
+
+
+def test_rooms_of_one_floor_have_no_circles() -> None:
+    edges = {(room_of(path), room) for path in sources() for room in rooms_imported(path)}
+    edges = {(a, b) for a, b in edges if a != b}
+    both_ways = [(a, b) for a, b in edges if (b, a) in edges]
+    assert not both_ways
+
+
+def test_only_the_command_line_knows_the_terminal() -> None:
+    knows = [
+        str(path.relative_to(ROOT))
+        for path in sources()
+        if room_of(path) != "cli" and {name.split(".")[0] for name in imports_of(path)} & TERMINAL
+    ]
+    assert not knows
+
+
+def test_the_mathematics_knows_no_files() -> None:
+    knows = [
+        f"{path.relative_to(ROOT)}: {name}"
+        for path in sources()
+        if room_of(path) in QUIET_ROOMS
+        for name in imports_of(path)
+        if name.split(".")[0] in FILES
+    ]
+    assert not knows
+
+
+def test_help_imports_no_command_and_no_numbers() -> None:
+    code = "import sys, mssegment.cli as c; c.invoke(['--help']); print(*sys.modules)"
+    process = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True
+    )
+    loaded = set(process.stdout.splitlines()[-1].split())
+    assert not loaded & {"numpy", "cv2", "scipy", "msgspec", "yaml", "rich", "mssegment.cli.run"}

@@ -1,0 +1,177 @@
+"""Configuration: precedence, and a message with the place and the nearest key for what is wrong."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+import yaml
+from hypothesis import given
+from hypothesis import strategies as st
+
+from mssegment.configuration import (
+    KEYS,
+    Configuration,
+    Setting,
+    camera_of,
+    camera_settings,
+    from_environment,
+    from_file,
+    from_options,
+    from_text,
+    resolve,
+)
+from mssegment.configuration.template import template
+from mssegment.errors import ConfigurationError, MssegmentError, UsageError
+from mssegment.records import Camera
+
+
+def write(folder: Path, text: str, name: str = "config.yaml") -> str:
+    path = folder / name
+    path.write_text(text)
+    return str(path)
+
+
+def test_no_settings_are_the_defaults() -> None:
+    assert resolve([]) == Configuration()
+
+
+def test_option_beats_environment_beats_config_beats_default(tmp_path: Path) -> None:
+    path = write(tmp_path, "seed: 1\ncluster: {bandwidth: 0.1, kernel: epanechnikov}\n")
+    layers = [
+        *from_file(path),
+        *from_environment({"MSSEGMENT_CLUSTER_BANDWIDTH": "0.2", "MSSEGMENT_SEED": "2"}),
+        *from_options({"seed": "3", "cluster.kernel": None}, {"seed": "--seed"}),
+    ]
+    found = resolve(layers)
+    assert found.seed == 3
+    assert found.cluster.bandwidth == 0.2
+    assert found.cluster.kernel == "epanechnikov"
+    assert found.segment == Configuration().segment
+
+
+def test_every_key_can_be_set_from_the_environment() -> None:
+    for key, setting in KEYS.items():
+        name = f"MSSEGMENT_{key.replace('.', '_').upper()}"
+        (found,) = from_environment({name: yaml.safe_dump(setting.default)})
+        assert found.key == key
+        resolve([found])
+
+
+def test_paths_are_relative_to_the_configuration(tmp_path: Path) -> None:
+    path = write(tmp_path, "input: {images: [a.png, sub/../b.png]}\ncamera: {file: c.yaml}\n")
+    found = resolve(from_file(path))
+    assert found.input.images == [str(tmp_path / "a.png"), str(tmp_path / "b.png")]
+    assert found.camera.file == str(tmp_path / "c.yaml")
+
+
+def test_one_path_may_stand_for_a_list() -> None:
+    assert resolve(from_text(["input.images=clip.mp4"])).input.images == ["clip.mp4"]
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("cluster:\n  bandwith: 1\n", ":2:3: unknown key cluster.bandwith; did you mean cluster.b"),
+        ("clutser:\n  bandwidth: 1\n", ":1:1: unknown key clutser"),
+        ("cluster:\n  bandwidth: -1\n", ":2:3: cluster.bandwidth is -1, auto|NUMBER was expected"),
+        ("cluster: {bandwidth: .nan}\n", "cluster.bandwidth is nan"),
+        ("cluster: {bandwidth: .inf}\n", "cluster.bandwidth is inf"),
+        ("cluster: {kernel: round}\n", "gaussian|epanechnikov was expected"),
+        ("hypothesize: {model: afine}\n", "hypothesize.model is 'afine'"),
+        ("hypothesize: {count: 0}\n", "hypothesize.count is 0"),
+        ("seed: x\n", ":1:1: seed is 'x', INTEGER was expected"),
+        ("seed: 1\nseed: 2\n", ":2:1: seed is there twice"),
+        ("cluster: 3\n", ":1:10: cluster: keys below it were expected"),
+        ("- a\n", ":1:1: keys"),
+        ("seed: [1\n", "not YAML"),
+        ("seed: !!python/object:os.system 1\n", "no plain YAML value"),
+        ("seed: 2001-13-45\n", "no plain YAML value"),
+        ("input: {start: 3, stop: 2}\n", "input.stop is 2, more than input.start (3)"),
+        ("segment: {motions: 1, min_motions: 2}\n", "less than segment.min_motions"),
+    ],
+)
+def test_what_is_wrong_in_a_file_is_said_in_one_line(tmp_path: Path, text: str, said: str) -> None:
+    with pytest.raises(ConfigurationError) as caught:
+        resolve(from_file(write(tmp_path, text)))
+    assert said in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_missing_configuration_says_how_to_get_one(tmp_path: Path) -> None:
+    with pytest.raises(ConfigurationError, match="`mssegment init` writes one"):
+        from_file(str(tmp_path / "none.yaml"))
+
+
+def test_a_wrong_set_is_a_configuration_error_and_a_wrong_option_a_usage_error() -> None:
+    for text in ("cluster.bandwidth", "cluster.bandwdth=1", "cluster.bandwidth=x", "seed=[1"):
+        with pytest.raises(ConfigurationError, match="--set"):
+            resolve(from_text([text]))
+    with pytest.raises(UsageError, match="--seed: seed is 'x'"):
+        resolve(from_options({"seed": "x"}, {"seed": "--seed"}))
+
+
+@given(st.text(max_size=80))
+def test_any_text_is_read_or_refused_in_one_line(text: str) -> None:
+    try:
+        resolve([*from_text([text]), *from_text([f"seed={text}"])])
+    except MssegmentError as error:
+        message = str(error).replace(text, "")
+        assert "Traceback" not in message
+
+
+@pytest.mark.parametrize("model", ["affine", "translation", "factorization", "homography", "auto"])
+def test_the_template_names_every_key_and_is_the_defaults(tmp_path: Path, model: str) -> None:
+    found = from_file(write(tmp_path, template(model)))
+    assert [setting.key for setting in found] == list(KEYS)
+    configuration = resolve(found)
+    assert configuration.hypothesize.model == model
+    changed = {"input.images", "hypothesize.model", "camera.file"}
+    for setting in found:
+        if setting.key not in changed:
+            assert setting.value == KEYS[setting.key].default
+
+
+def test_every_key_has_a_sentence_and_choices() -> None:
+    for setting in KEYS.values():
+        assert setting.description.endswith(".")
+        assert setting.choices
+
+
+def test_the_camera_comes_from_numbers_or_a_file(tmp_path: Path) -> None:
+    path = write(tmp_path, "fx: 700\nfy: 710\ncx: 320\ncy: 240\ndistortion: [0.1]\n")
+    as_json = write(tmp_path, '{"fx": 700, "fy": 710, "cx": 320, "cy": 240}', "camera.json")
+    assert camera_of(resolve([]).camera) is None
+    plain = Camera(700, 710, 320, 240)
+    assert camera_of(resolve(camera_settings("700,710,320,240")).camera) == plain
+    assert camera_of(resolve(camera_settings(as_json)).camera) == plain
+    assert camera_of(resolve(camera_settings(path)).camera) == Camera(700, 710, 320, 240, (0.1,))
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("1,2,3", "fx,fy,cx,cy were expected"),
+        ("1,2,3,x", "camera.cy is 'x'"),
+        ("-1,2,3,4", "camera.fx is -1"),
+        ("none.yaml", "cannot be read"),
+    ],
+)
+def test_a_camera_that_is_none_is_said(text: str, said: str) -> None:
+    with pytest.raises(MssegmentError, match=said):
+        camera_of(resolve(camera_settings(text)).camera)
+
+
+def test_a_camera_file_holds_a_camera_and_nothing_else(tmp_path: Path) -> None:
+    for text, said in (
+        ("fx: 1\n", "camera.fy is missing"),
+        ("fx: 1\nzoom: 2\n", "unknown key camera.zoom"),
+        ("file: other.yaml\n", "holds fx, fy, cx, cy, distortion only"),
+        ("7\n", "were expected"),
+    ):
+        path = write(tmp_path, text)
+        with pytest.raises(ConfigurationError, match=said):
+            camera_of(resolve([Setting("camera.file", path, "test")]).camera)
+    both = [Setting("camera.file", "a.yaml", "test"), Setting("camera.fx", 3.0, "test")]
+    with pytest.raises(ConfigurationError, match=r"camera.file and camera.fx are both set"):
+        camera_of(resolve(both).camera)
