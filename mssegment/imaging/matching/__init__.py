@@ -10,7 +10,7 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 from mssegment.errors import UsageError
-from mssegment.imaging.matching import flow, patches
+from mssegment.imaging.matching import affine, flow, patches
 from mssegment.imaging.pictures import Grey
 from mssegment.records import Corners, Tracks
 
@@ -18,6 +18,7 @@ Matcher = Callable[..., Tracks]
 """A function ``(pictures, corners, **options)`` from grey pictures and corners to tracks."""
 
 MATCHERS: dict[str, Matcher] = {
+    "affine": affine.match,
     "patches": patches.match,
     "flow": flow.match,
 }
@@ -26,7 +27,7 @@ MATCHERS: dict[str, Matcher] = {
 
 def default_matcher(frames: int) -> str:
     """The matcher for a number of frames: two views may lie far apart, a sequence does not."""
-    return "patches" if frames == 2 else "flow"
+    return "affine" if frames == 2 else "flow"
 
 
 def match(

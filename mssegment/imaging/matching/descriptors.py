@@ -9,6 +9,7 @@ from mssegment.records import Floats
 
 PATCH_SIDE = 13
 PATCH_STEP = 1.3
+COMPONENTS = 56
 FLAT = 1e-3
 """A norm (grey levels) below which a patch has no texture to normalise."""
 
@@ -41,3 +42,19 @@ def normalised(patches: Singles) -> Singles:
     patches = patches - patches.mean(axis=1, keepdims=True)
     norms = np.sqrt(np.einsum("nk,nk->n", patches, patches))
     return np.asarray(patches / np.where(norms < FLAT, np.inf, norms)[:, None], np.float32)
+
+
+def compressed(first: Singles, second: Singles, keep: int = COMPONENTS) -> tuple[Singles, Singles]:
+    """Both sets on the principal components that they share, unit norm again.
+
+    Neighbouring samples of a patch say much the same; a third of the numbers keeps the order of
+    the nearest and makes the comparison of all with all three times as fast.
+    """
+    both = np.concatenate([first, second])
+    _, vectors = np.linalg.eigh((both.T @ both).astype(np.float64))
+    basis = vectors[:, -keep:].astype(np.float32)
+    one, two = (rows @ basis for rows in (first, second))
+    one, two = (
+        rows / np.maximum(np.linalg.norm(rows, axis=1, keepdims=True), 1e-6) for rows in (one, two)
+    )
+    return one, two

@@ -5,10 +5,15 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+import numpy.typing as npt
+from scipy.spatial import cKDTree
 
 from mssegment.imaging.matching.views import Indices, Singles
+from mssegment.records import Floats
 
-BLOCK = 256
+BLOCK = 128
+"""Rows of a block of correlations, so that it stays in the cache while it is looked at."""
+NEIGHBOURS = 32
 
 
 @dataclass(frozen=True)
@@ -20,16 +25,46 @@ class Pairs:
     correlation: Singles
 
 
-def mutual(first: Singles, second: Singles, least: float) -> Pairs:
-    """Pairs of unit rows that are each other's nearest and correlate at least ``least``."""
+def mutual(
+    first: Singles,
+    second: Singles,
+    least: float,
+    *,
+    ratio: float = 1.0,
+    places: Floats | None = None,
+    apart: float = 0.0,
+) -> Pairs:
+    """Pairs of unit rows that are each other's nearest and correlate at least ``least``.
+
+    With ``ratio`` < 1 the distance to the nearest must be below that share of the distance to
+    the nearest at another place: ``places`` [n, 2] are the positions of ``second``, and what is
+    within ``apart`` of the nearest is the same place (another scale or direction of it).
+    """
     best = np.empty(len(first), np.intp)
     score = np.empty(len(first), np.float32)
+    runner_up = np.full(len(first), -1.0, np.float32)
     columns = np.full(len(second), -np.inf, np.float32)
+    if not len(first) or not len(second):
+        return Pairs(best[:0], best[:0], score[:0])
+    same = _same_place(places, apart) if places is not None and ratio < 1 else None
     for start in range(0, len(first), BLOCK):
         rows = slice(start, start + BLOCK)
         block = first[rows] @ second.T
         best[rows] = block.argmax(axis=1)
         score[rows] = np.take_along_axis(block, best[rows, None], axis=1)[:, 0]
         np.maximum(columns, block.max(axis=0), out=columns)
-    chosen = np.flatnonzero((score >= columns[best]) & (score >= least))
+        if same is not None:
+            np.put_along_axis(block, same[best[rows]], -1.0, axis=1)
+            runner_up[rows] = block.max(axis=1)
+    good = (score >= columns[best]) & (score >= least)
+    good &= (1 - score) <= ratio**2 * (1 - runner_up)
+    chosen = np.flatnonzero(good)
     return Pairs(chosen, best[chosen], score[chosen])
+
+
+def _same_place(places: Floats, apart: float) -> npt.NDArray[np.intp]:
+    """For each position the indices of those within ``apart``, filled up with its own."""
+    count = min(NEIGHBOURS, len(places))
+    _, index = cKDTree(places).query(places, count, distance_upper_bound=apart)
+    index = np.asarray(index).reshape(len(places), -1)
+    return np.where(index == len(places), np.arange(len(places))[:, None], index)

@@ -36,6 +36,10 @@ class View:
         """The same exactly, (x, y), [n, 2]."""
         return np.array([level.ratio for level in self.pyramid])[self.levels]
 
+    def take(self, rows: Indices) -> View:
+        """The same picture with some of the corners, which may come more than once."""
+        return View(self.pyramid, self.points[rows], self.levels[rows])
+
 
 def two_views(
     method: str, pictures: Sequence[Grey], corners: Sequence[Corners]
