@@ -1,0 +1,157 @@
+"""From sparse inliers to areas: smooth outlines around them, and dense regions along edges."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from mssegment.records import BACKGROUND, Floats
+from mssegment.rendering.report import Picture, Report
+
+Contours = tuple[Floats, ...]
+"""Closed outlines, each [n, 2] in pixels."""
+Mask = npt.NDArray[np.uint8]
+
+_NEIGHBOUR = 3
+"""Which neighbour's distance says how densely an object is covered."""
+
+
+def spacing(points: Floats) -> float:
+    """How far inliers of one motion typically lie from each other (pixels), 0 for fewer than 2."""
+    from scipy.spatial import cKDTree
+
+    if len(points) < 2:
+        return 0.0
+    count = min(_NEIGHBOUR, len(points) - 1)
+    distances, _ = cKDTree(points).query(points, k=count + 1)
+    return float(np.median(distances[:, -1]))
+
+
+def settled(points: Floats) -> npt.NDArray[np.bool_]:
+    """Which points [n, 2] of one motion lie among others of it.
+
+    Points within twice the typical spacing hang together; a group counts where it has at least
+    three points and a twentieth of all. A wrong inlier far away is not settled.
+    """
+    from scipy.sparse import coo_matrix
+    from scipy.sparse.csgraph import connected_components
+    from scipy.spatial import cKDTree
+
+    count = len(points)
+    if count < 3:
+        return np.zeros(count, dtype=bool)
+    pairs = cKDTree(points).query_pairs(2.0 * spacing(points), output_type="ndarray")
+    links = coo_matrix((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(count, count))
+    _, group = connected_components(links, directed=False)
+    sizes = np.bincount(group)
+    least = min(int(sizes.max()), max(3, count // 20))
+    return np.asarray(sizes[group] >= least)
+
+
+def hulls(points: Floats, width: int, height: int) -> Contours:
+    """Outlines around points [n, 2] of one motion, as tight as their spacing allows.
+
+    Discs around the settled points, closed and smoothed.
+    """
+    points = points[np.isfinite(points).all(axis=1)]
+    points = points[settled(points)]
+    if len(points) < 3:
+        return ()
+    step = max(1.0, max(width, height) / 400)  # a coarse mask gives the same smooth outline
+    radius = float(np.clip(1.5 * spacing(points), 6 * step, 0.08 * max(width, height)))
+    origin = points.min(axis=0) - 2 * radius
+    size = np.ceil((points.max(axis=0) + 2 * radius - origin) / step).astype(int) + 1
+    mask = np.zeros((int(size[1]), int(size[0])), dtype=np.uint8)
+    for x, y in np.round((points - origin) / step).astype(int):
+        cv2.circle(mask, (int(x), int(y)), max(1, round(radius / step)), 255, -1)
+    mask = _smooth(mask, max(1, round(radius / step)))
+    contours, _ = cv2.findContours(mask, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
+    limits = np.array([width - 1, height - 1])
+    return tuple(
+        np.clip(contour[::2, 0].astype(np.float64) * step + origin, 0, limits)
+        for contour in contours
+        if len(contour) >= 8
+    )
+
+
+def _smooth(mask: Mask, radius: int) -> Mask:
+    """Closes gaps as wide as the radius, takes back half of it, and rounds the corners."""
+    kernel = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * radius + 1,) * 2)
+    half = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * (radius // 2) + 1,) * 2)
+    eroded = cv2.erode(cv2.morphologyEx(mask, cv2.MORPH_CLOSE, kernel), half)
+    blurred = cv2.GaussianBlur(eroded, (0, 0), max(1.0, radius / 4))
+    return np.asarray((blurred > 127).astype(np.uint8) * 255)
+
+
+def dense_labels(report: Report, index: int, picture: Picture) -> npt.NDArray[np.int64]:
+    """A label per pixel of frame ``index``: 1..m motions, 0 elsewhere; [height, width].
+
+    Watershed (Meyer 1992, OpenCV) on the edges of ``picture`` [height, width, 3], which may be an
+    enlarged one, grown from discs around the inliers; what is far from every inlier, and
+    background tracks, grow the region that belongs to no motion.
+    """
+    height, width = picture.shape[:2]
+    frame = report.frames[index]
+    scale = width / frame.width
+    points = (report.tracks.points[:, index] + 0.5) * scale - 0.5
+    markers = _markers(report, points, height, width)
+    smooth = cv2.medianBlur(picture, 5)
+    cv2.watershed(smooth, markers)
+    # the lines between regions are -1; nobody wants to see holes there
+    markers = np.where(markers < 0, 0, markers).astype(np.float32)
+    filled = np.where(markers > 0, markers, cv2.dilate(markers, np.ones((3, 3), np.uint8)))
+    labels = filled.astype(np.int64)
+    nothing = len(report.motions) + 1
+    return np.where(labels == nothing, 0, labels)
+
+
+def _markers(report: Report, points: Floats, height: int, width: int) -> npt.NDArray[np.int32]:
+    """The seeds of the watershed: 0 unknown, 1..m motions, m + 1 no motion."""
+    seen = np.isfinite(points).all(axis=1)
+    nothing = len(report.motions) + 1
+    markers = np.full((height, width), nothing, dtype=np.int32)
+    seeds = []
+    for motion in report.motions:
+        own = points[seen & (report.labels == motion.label)]
+        own = own[settled(own)]
+        reach = max(6.0, 2.5 * spacing(own))
+        for x, y in own:
+            cv2.circle(markers, (round(x), round(y)), round(reach), 0, -1)
+        seeds += [(round(x), round(y), motion.label) for x, y in _inwards(own)]
+    for x, y in points[seen & (report.labels == BACKGROUND)]:
+        seeds.append((round(x), round(y), nothing))
+    for x, y, label in seeds:
+        cv2.circle(markers, (x, y), 1, label, -1)
+    return markers
+
+
+def _inwards(points: Floats) -> Floats:
+    """Each point moved a third of the way to the mean of its neighbours.
+
+    Corners lie on the very edge of an object; a seed there would leak out of it.
+    """
+    from scipy.spatial import cKDTree
+
+    if len(points) < 2:
+        return points
+    _, nearest = cKDTree(points).query(points, k=min(6, len(points)))
+    return np.asarray(points + (points[nearest].mean(axis=1) - points) / 3)
+
+
+def dense_regions(report: Report, index: int, picture: Picture) -> dict[int, Contours]:
+    """The outlines of ``dense_labels``, in pixels of ``picture``."""
+    labels = dense_labels(report, index, picture)
+    kernel = np.ones((5, 5), dtype=np.uint8)
+    regions = {}
+    for motion in report.motions:
+        mask = (labels == motion.label).astype(np.uint8)
+        mask = cv2.morphologyEx(mask, cv2.MORPH_CLOSE, kernel)
+        contours, _ = cv2.findContours(mask, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_SIMPLE)
+        least = 0.02 * mask.sum()
+        regions[motion.label] = tuple(
+            contour[:, 0].astype(np.float64)
+            for contour in contours
+            if len(contour) >= 3 and cv2.contourArea(contour) >= least
+        )
+    return regions

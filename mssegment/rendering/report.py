@@ -1,0 +1,228 @@
+"""Everything that tables, pictures and the page show, gathered once.
+
+``build_report`` compares with the true labels and computes the residual errors (23) and (24);
+``report_json`` is what other programs may rely on.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from mssegment.evaluation import Evaluation, evaluate, residual_errors
+from mssegment.records import (
+    BACKGROUND,
+    NOT_JUDGED,
+    OUTLIER,
+    Floats,
+    Frame,
+    HypothesisSet,
+    Integers,
+    Mode,
+    Motion,
+    Segmentation,
+    Tracks,
+)
+
+Picture = npt.NDArray[np.uint8]
+"""A picture [height, width, 3], blue first, as OpenCV has it."""
+PictureOf = Callable[[int], Picture | None]
+"""The picture of a frame by its index, or None where the file is not at hand."""
+
+SCHEMA = "mssegment/report/1"
+
+
+@dataclass(frozen=True)
+class Report:
+    """A segmentation with all that is needed to show it.
+
+    ``truth`` [P] are the true labels, ``evaluation`` the comparison with them; ``res`` and
+    ``res_hat`` have one number per motion (by label), None where the motion has no true partner,
+    and are None altogether without true labels. ``trajectories`` holds, per hypothesis set, paths
+    of mean shift [steps, ...] on its manifold.
+    """
+
+    frames: tuple[Frame, ...]
+    tracks: Tracks
+    sets: tuple[HypothesisSet, ...]
+    segmentation: Segmentation
+    pictures: PictureOf = field(default=lambda index: None)
+    truth: Integers | None = None
+    evaluation: Evaluation | None = None
+    res: tuple[float | None, ...] | None = None
+    res_hat: tuple[float | None, ...] | None = None
+    history: tuple[Mapping[str, Any], ...] = ()
+    configuration: Mapping[str, Any] = field(default_factory=dict)
+    trajectories: tuple[tuple[Floats, ...], ...] = ()
+
+    @property
+    def labels(self) -> Integers:
+        """The found label of every track [P]."""
+        return self.segmentation.labels
+
+    @property
+    def motions(self) -> tuple[Motion, ...]:
+        """The motions by label."""
+        return tuple(sorted(self.segmentation.motions, key=lambda motion: motion.label))
+
+    def members(self, label: int) -> Integers:
+        """Indices of the tracks with a found label."""
+        return np.flatnonzero(self.labels == label)
+
+    def modes_of(self, label: int) -> list[Mode]:
+        """The modes from which a motion grew, strongest first."""
+        modes = [mode for mode in self.segmentation.modes if mode.motion == label]
+        return sorted(modes, key=lambda mode: -mode.kde)
+
+    def true_motion(self, label: int) -> int | None:
+        """The true motion that a found one is matched with."""
+        return None if self.evaluation is None else self.evaluation.matching.get(label)
+
+
+def build_report(
+    *,
+    frames: Sequence[Frame],
+    tracks: Tracks,
+    sets: Sequence[HypothesisSet],
+    segmentation: Segmentation,
+    pictures: PictureOf | None = None,
+    truth: Integers | None = None,
+    history: Sequence[Mapping[str, Any]] = (),
+    configuration: Mapping[str, Any] | None = None,
+    trajectories: Sequence[Sequence[Floats]] = (),
+) -> Report:
+    """Gathers a report; ``truth`` None means the labels inside ``tracks``, if there are any.
+
+    Raises ValueError where the true labels and the tracks differ in number.
+    """
+    truth = tracks.labels if truth is None else truth
+    evaluation = res = res_hat = None
+    if truth is not None:
+        evaluation = evaluate(segmentation.labels, truth)
+        errors = [
+            _residual_errors(motion, sets, tracks, truth, evaluation.matching.get(motion.label))
+            for motion in sorted(segmentation.motions, key=lambda motion: motion.label)
+        ]
+        res = tuple(error[0] for error in errors)
+        res_hat = tuple(error[1] for error in errors)
+    return Report(
+        frames=tuple(frames),
+        tracks=tracks,
+        sets=tuple(sets),
+        segmentation=segmentation,
+        pictures=pictures or (lambda index: None),
+        truth=truth,
+        evaluation=evaluation,
+        res=res,
+        res_hat=res_hat,
+        history=tuple(history),
+        configuration=dict(configuration or {}),
+        trajectories=tuple(tuple(paths) for paths in trajectories),
+    )
+
+
+def _residual_errors(
+    motion: Motion,
+    sets: Sequence[HypothesisSet],
+    tracks: Tracks,
+    truth: Integers,
+    true_label: int | None,
+) -> tuple[float | None, float | None]:
+    """Equation (23) for our motion and (24) for the least-squares motion of the true inliers."""
+    if true_label is None or motion.set >= len(sets):
+        return None, None
+    from mssegment.motions import MODELS, make
+
+    chosen = sets[motion.set]
+    if motion.model not in MODELS:
+        return None, None
+    rank = motion.parameters.shape[-1] if motion.model == "factorization" else 3
+    model = make(motion.model, frames=len(chosen.frames), rank=rank)
+    points = tracks.points[:, list(chosen.frames)]
+    inliers = np.flatnonzero((truth == true_label) & np.isfinite(points).all(axis=(1, 2)))
+    if len(inliers) < model.subset_size:
+        return None, None
+    observed = model.observe(points[inliers], chosen.coordinates)
+    everyone = np.full(len(inliers), true_label)
+    ours = model.algebraic_residuals(motion.parameters[None], observed, chosen.coordinates)[0]
+    res = residual_errors(ours, everyone, true_label)
+    fitted, sound = model.algebraic_fit(observed, np.ones((1, len(inliers))))
+    if not sound[0]:
+        return res, None
+    best = model.algebraic_residuals(fitted, observed, chosen.coordinates)[0]
+    return res, residual_errors(best, everyone, true_label)
+
+
+def report_json(report: Report) -> dict[str, Any]:
+    """The report as plain lists, numbers and strings.
+
+    Stable keys: ``motions`` (count), ``misclassification`` (0..1, or None), ``confusion`` (rows
+    true, columns found, Out last, or None), ``modes`` (with ``hypotheses`` and ``kde``), ``res``
+    and ``res_hat`` (per motion by label, or None).
+    """
+    evaluation, labels = report.evaluation, report.labels
+    return {
+        "schema": SCHEMA,
+        "motions": len(report.motions),
+        "misclassification": evaluation and _number(evaluation.misclassification),
+        "confusion": evaluation and evaluation.confusion.tolist(),
+        "modes": [
+            {
+                "hypotheses": int(mode.hypotheses),
+                "kde": _number(mode.kde),
+                "motion": int(mode.motion),
+                "set": int(mode.set),
+                "model": report.sets[mode.set].model if mode.set < len(report.sets) else None,
+            }
+            for mode in report.segmentation.modes
+        ],
+        "res": None if report.res is None else [_number(value) for value in report.res],
+        "res_hat": None if report.res_hat is None else [_number(v) for v in report.res_hat],
+        "counted": evaluation and evaluation.counted,
+        "true_motions": evaluation and list(evaluation.true_motions),
+        "found_motions": evaluation and list(evaluation.found_motions),
+        "motion_list": [_motion_json(report, motion) for motion in report.motions],
+        "tracks": len(labels),
+        "outliers": int((labels == OUTLIER).sum()),
+        "background": int((labels == BACKGROUND).sum()),
+        "not_judged": int((labels == NOT_JUDGED).sum()),
+        "labels": labels.tolist(),
+        "true_labels": None if report.truth is None else report.truth.tolist(),
+        "bandwidths": [_number(value) for value in report.segmentation.bandwidths],
+        "hypotheses": sum(len(chosen.points) for chosen in report.sets),
+        "notes": list(report.segmentation.notes),
+        "frames": [
+            {"path": f.path, "width": f.width, "height": f.height, "index": f.index}
+            for f in report.frames
+        ],
+        "history": [dict(stage) for stage in report.history],
+    }
+
+
+def _motion_json(report: Report, motion: Motion) -> dict[str, Any]:
+    modes = report.modes_of(motion.label)
+    return {
+        "label": int(motion.label),
+        "model": motion.model,
+        "inliers": int((report.labels == motion.label).sum()),
+        "hypotheses": sum(int(mode.hypotheses) for mode in modes),
+        "kde": _number(modes[0].kde) if modes else None,
+        "scale": _number(motion.scale),
+        "rms": _number(motion.rms),
+        "cost_saved": _number(motion.cost_saved),
+        "true_motion": report.true_motion(motion.label),
+        "parameters": _numbers(motion.parameters),
+    }
+
+
+def _number(value: float | None) -> float | None:
+    # JSON has neither NaN nor infinity
+    return None if value is None or not np.isfinite(value) else float(value)
+
+
+def _numbers(values: Floats) -> list[Any]:
+    return [_numbers(row) if isinstance(row, np.ndarray) else _number(float(row)) for row in values]

@@ -1,0 +1,253 @@
+"""Tables to paste: the paper's two (figures 2-4), and the result table of the command line.
+
+A table is rows of strings with a header; ``format_table`` lays it out as text, Markdown, LaTeX or
+CSV, and ``format_report`` puts the tables of a report together. Nothing here prints or colours.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+from unicodedata import east_asian_width
+
+from mssegment.records import BACKGROUND, NOT_JUDGED, OUTLIER
+from mssegment.rendering.report import Report, report_json
+from mssegment.rendering.style import GLYPHS, mark
+
+FORMATS = ("text", "json", "csv", "markdown", "latex")
+
+
+@dataclass(frozen=True)
+class Table:
+    """A header and rows of cells; ``rules`` are the rows above which a line is drawn."""
+
+    title: str
+    header: tuple[str, ...]
+    rows: tuple[tuple[str, ...], ...]
+    rules: tuple[int, ...] = ()
+
+
+def result_table(report: Report) -> Table:
+    """What a person wants first: per motion its inliers, hypotheses, density and residual."""
+    header = ["motion", "inliers", "hypotheses", "kde", "rms px"]
+    with_truth = report.evaluation is not None
+    if with_truth:
+        header.append("true motion")
+    rows = []
+    for motion in report.motions:
+        modes = report.modes_of(motion.label)
+        row = [
+            f"{motion.label} {mark(motion.label).glyph}",
+            str(len(report.members(motion.label))),
+            str(sum(mode.hypotheses for mode in modes)),
+            density(modes[0].kde if modes else None),
+            fixed(motion.rms, 2),
+        ]
+        if with_truth:
+            true = report.true_motion(motion.label)
+            row.append("-" if true is None else str(true))
+        rows.append(tuple(row))
+    blank = ("",) * (len(header) - 2)
+    counted = [("outliers", OUTLIER), ("background", BACKGROUND), ("not judged", NOT_JUDGED)]
+    tail = [(name, str(len(report.members(label))), *blank) for name, label in counted]
+    kept = [row for row in tail if row[0] == "outliers" or row[1] != "0"]
+    return Table("Motions", tuple(header), (*rows, *kept), rules=(len(rows),))
+
+
+def modes_table(report: Report, limit: int | None = None) -> Table:
+    """The paper's left table: hypotheses and kernel density of each mode, strongest first.
+
+    One mode beyond the motions is what the paper shows; ``limit`` says how many, None means the
+    modes up to the last that became a motion and one more, at least four.
+    """
+    modes = report.segmentation.modes
+    if limit is None:
+        used = [i for i, mode in enumerate(modes) if mode.motion > 0]
+        limit = max(4, (used[-1] if used else -1) + 2)
+    several = len(report.sets) > 1
+    header = ["", "mot. hyp.", "kde", "motion"] + (["set"] if several else [])
+    rows = []
+    for i, mode in enumerate(modes[:limit]):
+        row = [f"M{i + 1}", str(mode.hypotheses), density(mode.kde)]
+        row.append(str(mode.motion) if mode.motion else "-")
+        rows.append(tuple(row + ([str(mode.set + 1)] if several else [])))
+    return Table("Modes", tuple(header), tuple(rows))
+
+
+def confusion_table(report: Report) -> Table | None:
+    """The paper's right table: true motions against found ones, with (23) and (24)."""
+    evaluation = report.evaluation
+    if evaluation is None or report.res is None or report.res_hat is None:
+        return None
+    order = {motion.label: i for i, motion in enumerate(report.motions)}
+    back = {true: found for found, true in evaluation.matching.items()}
+    header = ["true \\ found", *(f"M{f}" for f in evaluation.found_motions), "Out", "res", "res^"]
+    rows = []
+    for i, true in enumerate(evaluation.true_motions):
+        cells = [str(count) for count in evaluation.confusion[i]]
+        found = order.get(back.get(true, 0))
+        errors = [] if found is None else [report.res[found], report.res_hat[found]]
+        rows.append((f"true {true}", *cells, *([number(e, 4) for e in errors] or ["", ""])))
+    last = [str(count) for count in evaluation.confusion[-1]]
+    rows.append(("Out", *last, "", ""))
+    return Table("Found against true motions", tuple(header), tuple(rows), rules=(len(rows) - 1,))
+
+
+def tables_of(report: Report) -> list[Table]:
+    """All tables of a report, the ones that need true labels only where there are any."""
+    tables = [result_table(report), modes_table(report)]
+    confusion = confusion_table(report)
+    return tables if confusion is None else [*tables, confusion]
+
+
+def summary(report: Report) -> str:
+    """One sentence: how many motions, and how many tracks are wrong where that is known."""
+    count = len(report.motions)
+    motions = "no motion" if count == 0 else f"{count} motion{'s' if count > 1 else ''}"
+    text = f"{motions} among {len(report.labels)} tracks"
+    if report.evaluation is None:
+        return text
+    share = 100 * report.evaluation.misclassification
+    return f"{text}, {share:.2f} % of {report.evaluation.counted} misclassified"
+
+
+def format_report(report: Report, form: str = "text") -> str:
+    """The report in one of ``FORMATS``, ending with a line feed.
+
+    Raises ValueError for another format.
+    """
+    if form == "json":
+        return json.dumps(report_json(report), indent=1, ensure_ascii=False) + "\n"
+    if form not in FORMATS:
+        raise ValueError(f"no format {form!r}, expected one of {', '.join(FORMATS)}")
+    parts = [format_table(table, form) for table in tables_of(report)]
+    if form == "csv":
+        return "\n".join(parts)
+    closing = {"text": "{}", "markdown": "{}", "latex": "% {}"}[form]
+    lines = [closing.format(line) for line in [summary(report), *report.segmentation.notes]]
+    if form == "latex":
+        return "\n".join(parts) + "\n".join(lines) + "\n"
+    return "\n".join(parts) + "\n" + "\n".join(_escape_notes(lines, form)) + "\n"
+
+
+def format_table(table: Table, form: str) -> str:
+    """One table as text, Markdown, LaTeX or CSV, ending with a line feed."""
+    writers = {"text": _text, "markdown": _markdown, "latex": _latex, "csv": _csv}
+    return writers[form](table)
+
+
+def number(value: float | None, digits: int = 3) -> str:
+    """A number with ``digits`` significant digits, never in scientific notation above 1e-5."""
+    if value is None or value != value:
+        return "-"
+    if value == 0:
+        return "0"
+    if abs(value) < 1e-5 or abs(value) >= 1e6:
+        return f"{value:.{digits - 1}e}"
+    text = f"{value:#.{digits}g}"
+    if "e" in text:
+        text = f"{value:.0f}"
+    return text.removesuffix(".")
+
+
+def fixed(value: float | None, places: int) -> str:
+    """A number with a fixed number of decimal places, so that a column can be read at a glance."""
+    return "-" if value is None or value != value else f"{value:.{places}f}"
+
+
+def density(value: float | None) -> str:
+    """A kernel density as in the paper's tables: four places, more where there would be only 0."""
+    if value is not None and 0 < value < 5e-5:
+        return number(value, 2)
+    return fixed(value, 4)
+
+
+def _width(text: str) -> int:
+    return sum(2 if east_asian_width(c) in "WF" else 1 for c in text)
+
+
+def _pad(text: str, width: int, left: bool) -> str:
+    space = " " * (width - _width(text))
+    return text + space if left else space + text
+
+
+def _text(table: Table) -> str:
+    rows = [table.header, *table.rows]
+    widths = [max(_width(row[i]) for row in rows) for i in range(len(table.header))]
+    lines = [
+        "   ".join(_pad(cell, widths[i], i == 0) for i, cell in enumerate(row)).rstrip()
+        for row in rows
+    ]
+    return "\n".join(lines) + "\n"
+
+
+def _markdown(table: Table) -> str:
+    def line(cells: Sequence[str]) -> str:
+        return "| " + " | ".join(_markdown_escape(cell) for cell in cells) + " |"
+
+    ruler = "| " + " | ".join([":--", *["--:"] * (len(table.header) - 1)]) + " |"
+    return "\n".join([line(table.header), ruler, *map(line, table.rows)]) + "\n"
+
+
+def _markdown_escape(cell: str) -> str:
+    for sign in "\\|^*_<`[":
+        cell = cell.replace(sign, "\\" + sign)
+    return cell
+
+
+_LATEX = {
+    "\\": r"\textbackslash{}",
+    "^": r"\textasciicircum{}",
+    "~": r"\textasciitilde{}",
+    **{sign: "\\" + sign for sign in "&%$#_{}"},
+}
+
+
+def _latex_escape(cell: str) -> str:
+    if cell == "res^":
+        return r"$\widehat{\mathrm{res}}$"
+    if cell == "true \\ found":
+        return r"true $\backslash$ found"
+    head, _, shape = cell.rpartition(" ")
+    if shape in GLYPHS.values():  # shapes need packages that a paper may not load
+        cell = head
+    return "".join(_LATEX.get(sign, sign) for sign in cell)
+
+
+def _latex(table: Table) -> str:
+    def line(cells: Sequence[str]) -> str:
+        return "  " + " & ".join(_latex_escape(cell) for cell in cells) + r" \\"
+
+    body = [
+        text
+        for i, row in enumerate(table.rows)
+        for text in ([r"  \hline"] if i in table.rules else []) + [line(row)]
+    ]
+    columns = "l" + "r" * (len(table.header) - 1)
+    return "\n".join(
+        [
+            rf"\begin{{tabular}}{{{columns}}}  % {table.title}",
+            r"  \hline",
+            line(table.header),
+            r"  \hline",
+            *body,
+            r"  \hline",
+            r"\end{tabular}",
+            "",
+        ]
+    )
+
+
+def _csv(table: Table) -> str:
+    out = io.StringIO()
+    writer = csv.writer(out, lineterminator="\n")
+    writer.writerow(table.header)
+    writer.writerows(table.rows)
+    return out.getvalue()
+
+
+def _escape_notes(lines: Sequence[str], form: str) -> list[str]:
+    return [_markdown_escape(line) for line in lines] if form == "markdown" else list(lines)

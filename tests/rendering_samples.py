@@ -1,0 +1,90 @@
+"""Reports made by hand for the tests of rendering: two motions on a grey picture, no pipeline."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from mssegment.motions import make
+from mssegment.records import Frame, HypothesisSet, Mode, Motion, Segmentation, Tracks
+from mssegment.rendering.report import Report, build_report
+
+WIDTH, HEIGHT = 320, 240
+
+
+def picture(index: int) -> np.ndarray:
+    """A grey picture with one bright square, so that a mark on it can be found."""
+    image = np.full((HEIGHT, WIDTH, 3), 90, dtype=np.uint8)
+    image[60:120, 40:120] = 200
+    image[100:200, 200:280] = 160
+    return image
+
+
+def affine_report(*, frames: int = 2, tracks: int = 60, truth: bool = True, **extra) -> Report:
+    """Two bodies that shift by (12, 4) and (-9, 6) a frame, some outliers, one background track."""
+    rng = np.random.default_rng(5)
+    labels = np.array([1] * (tracks // 2) + [2] * (tracks // 3))
+    labels = np.concatenate([labels, np.zeros(tracks - len(labels), dtype=np.int64)])
+    start = np.where(
+        (labels == 1)[:, None],
+        rng.uniform([42, 62], [118, 118], (tracks, 2)),
+        rng.uniform([202, 102], [278, 198], (tracks, 2)),
+    )
+    step = np.array([[0.0, 0.0], [12.0, 4.0], [-9.0, 6.0]])[labels]
+    step[labels == 0] = rng.uniform(-30, 30, ((labels == 0).sum(), 2))
+    times = np.arange(frames) / max(1, frames - 1)
+    points = start[:, None] + times[:, None] * step[:, None]
+    points += rng.normal(0, 0.2, points.shape)
+    model = make("affine")
+    ends = points[:, [0, -1]]
+    coordinates = model.coordinates(ends, None)
+    observed = model.observe(ends, coordinates)
+    weights = np.array([labels == 1, labels == 2], dtype=np.float64)
+    parameters, _ = model.fit(observed, weights)
+    residuals = model.residuals(parameters, observed, coordinates)
+    subsets = np.concatenate(
+        [rng.choice(np.flatnonzero(labels == k), (20, 3)) for k in (1, 2)]
+        + [rng.integers(0, tracks, (10, 3))]
+    )
+    hypotheses, sound = model.minimal_fit(observed[subsets])
+    sound &= np.isfinite(hypotheses).all(axis=(1, 2))
+    hypotheses, subsets = hypotheses[sound], subsets[sound]
+    assignment = np.argmin(model.manifold.pairwise_dist2(parameters, hypotheses), axis=0)
+    found = labels.copy()
+    found[-1] = -1
+    motions = tuple(
+        Motion(
+            label=k + 1,
+            set=0,
+            model="affine",
+            parameters=parameters[k],
+            inliers=np.flatnonzero(found == k + 1),
+            scale=0.3,
+            rms=0.25 + k,
+            cost_saved=200.0 - k,
+        )
+        for k in range(2)
+    )
+    modes = (
+        Mode(0, 24, 0.06, parameters[0], 1),
+        Mode(0, 19, 0.031, parameters[1], 2),
+        Mode(0, 5, 0.004, hypotheses[-1], 0),
+    )
+    return build_report(
+        frames=[Frame(f"{i + 1}.png", WIDTH, HEIGHT) for i in range(frames)],
+        tracks=Tracks(points),
+        sets=[
+            HypothesisSet(
+                "affine",
+                model.manifold.name,
+                (0, frames - 1),
+                coordinates,
+                subsets,
+                hypotheses,
+                80,
+            )
+        ],
+        segmentation=Segmentation(
+            found, modes, motions, (0.2,), residuals, (assignment,), ("the camera moves",)
+        ),
+        **{"pictures": picture, "truth": labels if truth else None, **extra},
+    )
