@@ -25,6 +25,7 @@ from mssegment.documents import (
     SegmentationDocument,
     TracksDocument,
 )
+from mssegment.errors import ConfigurationError
 from mssegment.records import Camera, Floats, Frame
 
 if TYPE_CHECKING:
@@ -112,16 +113,21 @@ def match(
 ) -> TracksDocument:
     """Stage 2: corners become tracks. Without ``source`` the pictures are opened again."""
     from mssegment.imaging.frames import reopen_frames
+    from mssegment.imaging.matching import default_matcher
     from mssegment.imaging.matching import match as match_corners
 
     settings = configuration.match
     source = source or reopen_frames(document.frames)
-    tracks = match_corners(
-        source.greys(),
-        document.corners,
-        method=settings.method,
-        min_length=_given(settings.min_length),
-    )
+    method = default_matcher(len(source)) if settings.method == "auto" else settings.method
+    options: dict[str, Any] = {}
+    if settings.min_length != "auto":
+        if method != "flow":
+            raise ConfigurationError(
+                f"match.min_length is for match.method flow, the method here is {method}; "
+                "leave it at auto"
+            )
+        options["min_length"] = settings.min_length
+    tracks = match_corners(source.greys(), document.corners, method, **options)
     return TracksDocument(
         frames=document.frames,
         camera=document.camera,
