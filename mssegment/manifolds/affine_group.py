@@ -109,7 +109,7 @@ def _phi(s: Floats, c: Floats) -> tuple[Floats, Floats]:
         ell, away = 0.5 * np.log(determinant), s * s - c
         p, q = (ell * s - g * c) / away, (g * s - ell) / away
     near = (np.abs(s) + root < 0.5) | (root == 0)
-    single = ~near & (c > 0) & (np.abs(away) < 1e-2 * (1 + s * s))
+    single = ~near & (c > 0) & (np.abs(away) < 1e-2 * (1 + s * s)) & ~no_logarithm
     _fill(near, _phi_near, s, c, p, q)
     _fill(single, _phi_by_eigenvalue, s, c, p, q)
     return np.where(no_logarithm, np.nan, p), q

@@ -21,6 +21,8 @@ from mssegment.records import Floats
 Array = npt.NDArray[np.floating[Any]]
 """Floating point numbers of either precision."""
 
+Precision = np.dtype[np.floating[Any]]
+
 CACHE_NUMBERS = 1 << 17
 """Numbers of one intermediate array that stay in a core's cache (1 MB in double precision)."""
 
@@ -203,9 +205,16 @@ class _LogView(View):
         return np.asarray(np.einsum("mn,mn...->m...", weights.astype(np.float64), self._pull))
 
 
-def precision(precise: bool) -> np.dtype[np.floating[Any]]:
-    """Double or single precision."""
-    return np.dtype(np.float64) if precise else np.dtype(np.float32)
+def precision(precise: bool, magnitude: float, bandwidth: float) -> Precision | None:
+    """The precision in which z can be had from a difference of terms of ``magnitude``.
+
+    Single precision if it is allowed and good for z to about 0.01, else double; None where the
+    bandwidth is so small that cancellation leaves nothing in double precision either.
+    """
+    for kind in (np.float64,) if precise else (np.float32, np.float64):
+        if magnitude * float(np.finfo(kind).eps) < 1e-2 * bandwidth**2:
+            return np.dtype(kind)
+    return None
 
 
 def integers(family: str, arguments: tuple[str, ...], expected: str) -> tuple[int, ...]:

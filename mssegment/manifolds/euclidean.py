@@ -8,7 +8,9 @@ from mssegment.manifolds.base import (
     CACHE_NUMBERS,
     Array,
     Cloud,
+    LogCloud,
     Manifold,
+    Precision,
     View,
     integers,
     precision,
@@ -74,7 +76,11 @@ class Euclidean(Manifold):
 
     def cloud(self, y: Floats, bandwidth: float = 1.0, precise: bool = True) -> Cloud:
         """The points ``y``, centred and divided by the bandwidth."""
-        return _EuclideanCloud(y, bandwidth, precise)
+        spread = float(np.max(np.sum((y - y.mean(axis=0)) ** 2, axis=1))) if len(y) else 0.0
+        dtype = precision(precise, spread, bandwidth)
+        if dtype is None:
+            return LogCloud(self, y, bandwidth)
+        return _EuclideanCloud(y, bandwidth, dtype)
 
 
 class _EuclideanCloud(Cloud):
@@ -83,11 +89,11 @@ class _EuclideanCloud(Cloud):
     The points are centred first, so that little is lost to cancellation.
     """
 
-    def __init__(self, y: Floats, bandwidth: float, precise: bool) -> None:
+    def __init__(self, y: Floats, bandwidth: float, dtype: Precision) -> None:
         self.size, n = y.shape
         self.rows = max(1, CACHE_NUMBERS // max(1, self.size))
         self.bandwidth = bandwidth
-        self.dtype = precision(precise)
+        self.dtype = dtype
         self.centre = y.mean(axis=0) if self.size else np.zeros(n)
         unit = self._unit(y)
         self.points = np.concatenate([unit, np.ones((self.size, 1))], axis=1).astype(self.dtype)

@@ -14,7 +14,9 @@ from mssegment.manifolds.base import (
     CACHE_NUMBERS,
     Array,
     Cloud,
+    LogCloud,
     Manifold,
+    Precision,
     View,
     integers,
     precision,
@@ -124,7 +126,10 @@ class Grassmann(Manifold):
 
     def cloud(self, y: Floats, bandwidth: float = 1.0, precise: bool = True) -> Cloud:
         """The points ``y`` as projectors, in which d^2 is a dot product."""
-        return _ProjectorCloud(self, y, bandwidth, precise)
+        dtype = precision(precise, self.k, bandwidth)
+        if dtype is None:
+            return LogCloud(self, y, bandwidth)
+        return _ProjectorCloud(self, y, bandwidth, dtype)
 
 
 class _ProjectorCloud(Cloud):
@@ -134,10 +139,10 @@ class _ProjectorCloud(Cloud):
     the bandwidth are folded into it), and the weighted sum of (14) is a second one.
     """
 
-    def __init__(self, manifold: Grassmann, y: Floats, bandwidth: float, precise: bool) -> None:
+    def __init__(self, manifold: Grassmann, y: Floats, bandwidth: float, dtype: Precision) -> None:
         self.size, self.bandwidth = len(y), bandwidth
         self.rows = max(1, CACHE_NUMBERS // max(1, self.size))
-        self.dtype = precision(precise)
+        self.dtype = dtype
         self.n = manifold.n
         self.upper = np.triu_indices(self.n)
         self.factor = np.where(self.upper[0] == self.upper[1], 1.0, np.sqrt(2.0))

@@ -13,7 +13,7 @@ _NODES, _WEIGHTS = (
 )
 NEAR = 0.25
 """|M - I|_F below which 8 quadrature nodes give the logarithm to 1e-15."""
-MOST_ROOTS = 40
+MOST_ROOTS, MOST_STEPS = 40, 20
 TAYLOR_TERMS = 14
 
 
@@ -94,7 +94,8 @@ def _inverse(a: Floats) -> Floats:
         for j in range(3):
             p, q, r, s = (i + 1) % 3, (i + 2) % 3, (j + 1) % 3, (j + 2) % 3
             out[j, i] = a[p, r] * a[q, s] - a[p, s] * a[q, r]
-    return np.asarray(out / (a[0, 0] * out[0, 0] + a[0, 1] * out[1, 0] + a[0, 2] * out[2, 0]))
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        return np.asarray(out / (a[0, 0] * out[0, 0] + a[0, 1] * out[1, 0] + a[0, 2] * out[2, 0]))
 
 
 def _has_real_log(m: Floats) -> npt.NDArray[np.bool_]:
@@ -123,16 +124,14 @@ def _inverse_numerators(m: Floats) -> tuple[Floats, Floats, Floats]:
     )
 
 
-def _square_root(m: Floats, tolerance: float = 1e-15) -> Floats:
+def _square_root(m: Floats) -> Floats:
     """Principal square roots by the product form of the Denman-Beavers iteration."""
     y, z = m, m
-    for _ in range(60):
+    for _ in range(MOST_STEPS):
         inverse = _inverse(z)
-        y_next = 0.5 * _product(y, _identity(m) + inverse)
+        y = 0.5 * _product(y, _identity(m) + inverse)
         z = 0.5 * (_identity(m) + 0.5 * (z + inverse))
-        change = np.max(np.abs(z - _identity(m)), initial=0.0)
-        y = y_next
-        if change < tolerance * 10:
+        if np.max(np.abs(z - _identity(m)), initial=0.0) < 1e-13:
             break
     return y
 

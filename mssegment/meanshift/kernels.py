@@ -1,0 +1,88 @@
+"""Kernel profiles k(z) of the density estimate (7) and the weights g = -k' of the shift (9)."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+
+import numpy as np
+
+from mssegment.errors import ConfigurationError
+from mssegment.manifolds import Array
+
+
+class Kernel(ABC):
+    """A profile k(z), z = d^2 / h^2, with k(0) = 1."""
+
+    name: str
+
+    @abstractmethod
+    def profile(self, z: Array) -> Array:
+        """k(z)."""
+
+    @abstractmethod
+    def weigh(self, z: Array) -> tuple[Array, Array]:
+        """The row sums of k(z) [m] and the weights g(z) [m, n], up to one constant factor.
+
+        ``z`` may be overwritten.
+        """
+
+
+class Gaussian(Kernel):
+    """k(z) = exp(-z / 2), that is exp(-d^2 / 2 h^2): the kernel of the paper."""
+
+    name = "gaussian"
+
+    def profile(self, z: Array) -> Array:
+        """exp(-z / 2)."""
+        return np.asarray(np.exp(-0.5 * z))
+
+    def weigh(self, z: Array) -> tuple[Array, Array]:
+        """k and g are the same up to the factor 2."""
+        z *= -0.5
+        weights = np.exp(z, out=z)
+        return weights.sum(axis=1), weights
+
+
+class TruncatedGaussian(Kernel):
+    """The Gaussian profile lowered to reach 0 at d = 3 h, where it ends."""
+
+    name = "truncated"
+    reach = 3.0
+
+    def profile(self, z: Array) -> Array:
+        """(exp(-z / 2) - e) / (1 - e), e = exp(-reach^2 / 2); 0 beyond the reach."""
+        edge = np.exp(-0.5 * self.reach**2)
+        return np.asarray(np.maximum(np.exp(-0.5 * z) - edge, 0) / (1 - edge))
+
+    def weigh(self, z: Array) -> tuple[Array, Array]:
+        """g is the Gaussian inside the reach, 0 outside."""
+        inside = z < self.reach**2
+        weights = np.exp(-0.5 * z) * inside
+        edge = float(np.exp(-0.5 * self.reach**2))
+        return (weights.sum(axis=1) - edge * inside.sum(axis=1)) / (1 - edge), weights
+
+
+class Epanechnikov(Kernel):
+    """k(z) = max(0, 1 - z): g is 1 within the bandwidth, so the shift is a plain local mean."""
+
+    name = "epanechnikov"
+
+    def profile(self, z: Array) -> Array:
+        """max(0, 1 - z)."""
+        return np.asarray(np.maximum(1.0 - z, 0))
+
+    def weigh(self, z: Array) -> tuple[Array, Array]:
+        """g is 1 inside the bandwidth, 0 outside."""
+        return self.profile(z).sum(axis=1), (z < 1).astype(z.dtype)
+
+
+KERNELS: dict[str, Kernel] = {k.name: k for k in (Gaussian(), TruncatedGaussian(), Epanechnikov())}
+"""The kernels by name."""
+
+
+def kernel_named(name: str) -> Kernel:
+    """The kernel called ``name``; raises ConfigurationError where there is none."""
+    if name not in KERNELS:
+        known = ", ".join(KERNELS)
+        raise ConfigurationError(f"no kernel is called {name!r}: use one of {known}")
+    return KERNELS[name]

@@ -1,0 +1,286 @@
+"""The laws of manifolds, by trait, over the whole registry."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as hnp
+
+from mssegment.errors import ConfigurationError, DataError
+from mssegment.manifolds import REGISTRY, Manifold, from_name
+
+NAMES = [name for family in REGISTRY.values() for name in family.examples]
+
+
+@pytest.fixture(params=NAMES)
+def manifold(request: pytest.FixtureRequest) -> Manifold:
+    return from_name(request.param)
+
+
+def shaped(numbers: np.ndarray, manifold: Manifold) -> np.ndarray:
+    return numbers.reshape(numbers.shape + (1,) * len(manifold.point_shape))
+
+
+def close_pair(manifold: Manifold, rng, size=20, length=0.5):
+    """Points x and, ``length`` away from each, y."""
+    x = manifold.random_point(rng, size)
+    return x, manifold.exp(x, length * manifold.random_tangent(x, rng))
+
+
+def test_name_is_the_inverse_of_from_name(manifold):
+    assert from_name(manifold.name).name == manifold.name
+    assert manifold.name in repr(manifold)
+
+
+def test_random_points_are_points(manifold, rng):
+    x = manifold.random_point(rng, 7)
+    assert x.shape == (7, *manifold.point_shape)
+    manifold.check_point(x)
+    manifold.check_point(x[0])
+
+
+def test_projection_gives_points_and_keeps_them(manifold, rng):
+    x = manifold.random_point(rng, 7)
+    manifold.check_point(manifold.project(x + 0.01 * rng.standard_normal(x.shape)))
+    np.testing.assert_allclose(manifold.project(x), x, atol=1e-12)
+
+
+def test_tangents_are_a_space_of_the_stated_dimension(manifold, rng):
+    x = manifold.random_point(rng, 1)
+    many = np.repeat(x, 3 * manifold.dim + 5, axis=0)
+    tangents = manifold.project_tangent(many, rng.standard_normal(many.shape))
+    np.testing.assert_allclose(manifold.project_tangent(many, tangents), tangents, atol=1e-12)
+    assert np.linalg.matrix_rank(tangents.reshape(len(many), -1), tol=1e-9) == manifold.dim
+
+
+def test_random_tangents_have_unit_norm(manifold, rng):
+    x = manifold.random_point(rng, 9)
+    v = manifold.random_tangent(x, rng)
+    np.testing.assert_allclose(manifold.norm(x, v), 1.0, atol=1e-12)
+    np.testing.assert_allclose(manifold.inner(x, v, -2.0 * v), -2.0, atol=1e-12)
+
+
+def test_log_inverts_exp(manifold, rng):
+    x = manifold.random_point(rng, 20)
+    v = 0.7 * manifold.random_tangent(x, rng)
+    np.testing.assert_allclose(manifold.log(x, manifold.exp(x, v)), v, atol=1e-10)
+
+
+def test_exp_inverts_log(manifold, rng):
+    x, y = close_pair(manifold, rng)
+    arrived = manifold.exp(x, manifold.log(x, y))
+    manifold.check_point(arrived, tolerance=1e-10)
+    np.testing.assert_allclose(manifold.dist(arrived, y), 0.0, atol=1e-7)
+
+
+def test_exp_of_zero_stays(manifold, rng):
+    x = manifold.random_point(rng, 5)
+    np.testing.assert_allclose(manifold.exp(x, np.zeros_like(x)), x, atol=1e-12)
+
+
+def test_exp_leaves_with_its_velocity(manifold, rng):
+    x = manifold.random_point(rng, 5)
+    v = manifold.random_tangent(x, rng)
+    t = 1e-5
+    velocity = (manifold.exp(x, t * v) - manifold.exp(x, -t * v)) / (2 * t)
+    np.testing.assert_allclose(velocity, v, atol=1e-8)
+
+
+def test_long_geodesics_stay_on_the_manifold(manifold, rng):
+    x = manifold.random_point(rng, 5)
+    manifold.check_point(manifold.exp(x, 6.0 * manifold.random_tangent(x, rng)))
+
+
+def test_exp_is_a_one_parameter_flow(manifold, rng):
+    x = manifold.random_point(rng, 5)
+    v = 0.5 * manifold.random_tangent(x, rng)
+    half = manifold.exp(x, v)
+    back = manifold.log(half, x)
+    np.testing.assert_allclose(
+        manifold.dist(manifold.exp(half, -back), manifold.exp(x, 2 * v)), 0, atol=1e-7
+    )
+
+
+def test_distance_is_symmetric_and_separates(manifold, rng):
+    x, y = close_pair(manifold, rng)
+    np.testing.assert_allclose(manifold.dist(x, y), manifold.dist(y, x), atol=1e-10)
+    np.testing.assert_allclose(manifold.dist(x, x), 0, atol=1e-7)
+    assert (manifold.dist(x, y) > 0.1).all()
+
+
+def test_triangle_inequality_where_it_is_a_metric(manifold, rng):
+    if not manifold.is_metric:
+        pytest.skip("not a metric")
+    x, y, z = (manifold.random_point(rng, 200) for _ in range(3))
+    slack = manifold.dist(x, y) + manifold.dist(y, z) - manifold.dist(x, z)
+    assert slack.min() >= -1e-12
+
+
+def test_distance_is_the_length_of_the_logarithm_where_geodesic(manifold, rng):
+    x, y = close_pair(manifold, rng)
+    length = manifold.norm(x, manifold.log(x, y))
+    if manifold.dist_is_geodesic:
+        np.testing.assert_allclose(manifold.dist(x, y), length, atol=1e-10)
+    else:
+        assert (manifold.dist(x, y) < length).all()
+
+
+def test_basis_does_not_matter(manifold, rng):
+    if not manifold.basis_free:
+        pytest.skip("points are not bases")
+    x, y = close_pair(manifold, rng)
+    k = x.shape[-1]
+    q, r = (np.linalg.qr(rng.standard_normal((20, k, k)))[0] for _ in range(2))
+    np.testing.assert_allclose(manifold.dist(x @ q, y @ r), manifold.dist(x, y), atol=1e-12)
+    v = manifold.random_tangent(x, rng)
+    np.testing.assert_allclose(
+        manifold.dist(manifold.exp(x @ q, v @ q), manifold.exp(x, v)), 0, atol=1e-7
+    )
+    np.testing.assert_allclose(manifold.attraction(x @ q, y @ r), manifold.attraction(x, y) @ q)
+
+
+def test_left_translation_does_not_matter(manifold, rng):
+    if not manifold.left_invariant:
+        pytest.skip("not left-invariant")
+    x, y = close_pair(manifold, rng)
+    g = manifold.random_point(rng, 1)
+    np.testing.assert_allclose(manifold.dist(g @ x, g @ y), manifold.dist(x, y), rtol=1e-8)
+    np.testing.assert_allclose(
+        manifold.attraction(g @ x, g @ y), g @ manifold.attraction(x, y), atol=1e-9
+    )
+
+
+def directional_derivative(manifold, x, y, u, t=1e-5):
+    ahead, behind = manifold.exp(x, t * u), manifold.exp(x, -t * u)
+    return (manifold.dist(ahead, y) ** 2 - manifold.dist(behind, y) ** 2) / (2 * t)
+
+
+def test_attraction_is_minus_half_the_gradient_where_exact(manifold, rng):
+    """(1), with (13) or the exact gradient, against finite differences."""
+    x, y = close_pair(manifold, rng, length=0.8)
+    u = manifold.random_tangent(x, rng)
+    if manifold.exact_gradient:
+        expected = -0.5 * directional_derivative(manifold, x, y, u)
+        found = manifold.inner(x, manifold.attraction(x, y), u)
+        np.testing.assert_allclose(found, expected, atol=1e-7)
+
+
+def test_attraction_is_the_gradient_to_first_order(manifold, rng):
+    """(21): the relative error goes to 0 at least as fast as the distance."""
+    x = manifold.random_point(rng, 30)
+    v, u = manifold.random_tangent(x, rng), manifold.random_tangent(x, rng)
+    errors = []
+    for length in (0.2, 0.02):
+        y = manifold.exp(x, length * v)
+        expected = -0.5 * directional_derivative(manifold, x, y, u, t=1e-4 * length)
+        found = manifold.inner(x, manifold.attraction(x, y), u)
+        errors.append(np.abs(found - expected).max() / length)
+    assert errors[0] < 0.3
+    assert errors[1] < 0.15 * errors[0] + 1e-6
+
+
+def test_pairwise_agrees_with_pairs(manifold, rng):
+    x, y = manifold.random_point(rng, 4), manifold.random_point(rng, 9)
+    each = manifold.dist(x[:, None], y[None]) ** 2
+    np.testing.assert_allclose(manifold.pairwise_dist2(x, y), each, rtol=1e-9, atol=1e-12)
+
+
+def test_mean_tangent_is_the_weighted_mean_of_attractions(manifold, rng):
+    x, y = manifold.random_point(rng, 4), manifold.random_point(rng, 9)
+    w = rng.uniform(size=(4, 9))
+    w[2] = 0.0
+    pull = manifold.attraction(x[:, None], y[None])
+    expected = np.einsum("mn,mn...->m...", w, pull) / shaped(
+        w.sum(axis=1) + (w.sum(axis=1) == 0), manifold
+    )
+    np.testing.assert_allclose(manifold.mean_tangent(x, y, w), expected, atol=1e-11)
+
+
+def test_default_cloud_agrees_with_the_manifolds_own(manifold, rng):
+    x, y = manifold.random_point(rng, 4), manifold.random_point(rng, 9)
+    own, default = (
+        manifold.cloud(y, 0.3).seen_from(x),
+        Manifold.cloud(manifold, y, 0.3).seen_from(x),
+    )
+    np.testing.assert_allclose(own.z, default.z, rtol=1e-9, atol=1e-9)
+    w = rng.uniform(size=(4, 9))
+    np.testing.assert_allclose(own.weighted_sum(w), default.weighted_sum(w), atol=1e-10)
+
+
+def test_single_precision_is_near(manifold, rng):
+    x, y = manifold.random_point(rng, 4), manifold.random_point(rng, 9)
+    near, exact = (
+        manifold.cloud(y, 1.0, precise=False).seen_from(x).z,
+        manifold.cloud(y).seen_from(x).z,
+    )
+    np.testing.assert_allclose(near, exact, rtol=1e-4, atol=1e-5)
+
+
+def test_one_point_without_batch_axes(manifold, rng):
+    x, y = close_pair(manifold, rng, size=1)
+    assert manifold.exp(x[0], manifold.log(x[0], y[0])).shape == manifold.point_shape
+    np.testing.assert_allclose(manifold.dist(x[0], y[0]), manifold.dist(x, y)[0], atol=1e-14)
+    np.testing.assert_allclose(manifold.attraction(x[0], y[0]), manifold.attraction(x, y)[0])
+
+
+def test_no_points_at_all(manifold):
+    none = np.zeros((0, *manifold.point_shape))
+    assert manifold.dist(none, none).shape == (0,)
+    assert manifold.exp(none, none).shape == none.shape
+    assert manifold.pairwise_dist2(none, none).shape == (0, 0)
+
+
+def test_wrong_points_are_named(manifold, rng):
+    x = manifold.random_point(rng, 3)
+    with pytest.raises(DataError, match="shape"):
+        manifold.check_point(np.zeros((3, 1, 2, 5)))
+    x[1] = np.nan
+    with pytest.raises(DataError, match=r"point 1 .*not finite"):
+        manifold.check_point(x)
+    if not manifold.name.startswith("euclidean"):
+        x[1] = 7.0
+        with pytest.raises(DataError, match="point 1 is not on"):
+            manifold.check_point(x)
+
+
+@given(data=st.data())
+@settings(max_examples=60, deadline=None)
+def test_hostile_arrays_become_points_or_an_error(data):
+    """Whatever finite array comes: project gives a point, or check_point says it is none."""
+    manifold = from_name(data.draw(st.sampled_from(NAMES)))
+    numbers = st.floats(-1e6, 1e6, allow_subnormal=False)
+    x = data.draw(hnp.arrays(np.float64, (2, *manifold.point_shape), elements=numbers))
+    with np.errstate(all="ignore"):
+        projected = manifold.project(x)
+    try:
+        manifold.check_point(projected, tolerance=1e-5)
+    except DataError:
+        return
+    distance = manifold.dist(projected[0], projected[1])
+    assert not np.isnan(distance)
+    assert distance >= 0
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        "",
+        "grassmann",
+        "grassmann(3)",
+        "grassmann(3,3)",
+        "grassmann(2,x)",
+        "grassmann(0,0)",
+        "affine(3)",
+        "moon(2)",
+        "euclidean(0)",
+        "euclidean(-1)",
+        "affine(2,inexact)",
+        "special_linear(2)",
+    ],
+)
+def test_unknown_names_are_refused_in_one_line(name):
+    with pytest.raises(ConfigurationError) as caught:
+        from_name(name)
+    assert "\n" not in str(caught.value)
