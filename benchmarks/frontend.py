@@ -117,7 +117,7 @@ def main() -> None:
         | {n: {k: np.mean([r[n][k] for r in rows]) for k in rows[0][n]} for n in methods}
     )
     for row in rows:
-        cells = (row[n] for n in methods)
+        cells = [row[n] for n in methods]
         print(
             f"{row['pair']:20}"
             + "".join(

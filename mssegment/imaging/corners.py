@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import cv2
 import numpy as np
 import numpy.typing as npt
+from scipy.spatial import cKDTree
 
 from mssegment.errors import DataError
 from mssegment.imaging.pictures import Grey
@@ -149,19 +150,19 @@ def spread(
     ``distance``. At most ``limit`` stay.
     """
     where = np.asarray(points, np.float64).reshape(-1, 2)
-    cells = np.floor(where / distance).astype(np.int64)
-    taken: dict[tuple[int, int], list[tuple[float, float]]] = {}
-    kept: list[int] = []
-    for index, ((cx, cy), (x, y)) in enumerate(zip(cells.tolist(), where.tolist(), strict=True)):
-        near = (
-            p
-            for ix in (cx - 1, cx, cx + 1)
-            for iy in (cy - 1, cy, cy + 1)
-            for p in taken.get((ix, iy), ())
-        )
-        if all((px - x) ** 2 + (py - y) ** 2 >= distance**2 for px, py in near):
-            taken.setdefault((cx, cy), []).append((x, y))
-            kept.append(index)
-            if limit is not None and len(kept) >= limit:
-                break
-    return np.array(kept, np.intp)
+    pairs = cKDTree(where).query_pairs(np.nextafter(distance, 0), output_type="ndarray")
+    earlier, later = pairs.min(axis=1, initial=len(where)), pairs.max(axis=1, initial=0)
+    open_ = np.ones(len(where), bool)
+    kept = np.zeros(len(where), bool)
+    while len(earlier):
+        # Nothing earlier is open near these: they stay, and what is near them goes.
+        blocked = np.zeros(len(where), bool)
+        blocked[later] = True
+        stay = open_ & ~blocked
+        kept |= stay
+        open_ &= ~stay
+        open_[later[stay[earlier]]] = False
+        both = open_[earlier] & open_[later]
+        earlier, later = earlier[both], later[both]
+    kept |= open_
+    return np.flatnonzero(kept)[:limit]

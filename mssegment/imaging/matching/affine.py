@@ -102,9 +102,8 @@ def _seeds(first: View, second: View, ratio: float, correlation: float) -> _Matc
     """Distinctive mutual pairs of patches that registration confirms."""
     corner1, angle1 = dominant(first)
     corner2, angle2 = dominant(second)
-    one, two = compressed(
-        describe(first.take(corner1), angle1), describe(second.take(corner2), angle2)
-    )
+    one = compressed(describe(first.take(corner1), angle1))
+    two = compressed(describe(second.take(corner2), angle2))
     pairs = mutual(one, two, 0.0, ratio=ratio, places=second.points[corner2], apart=SAME_PLACE)
     c1, c2 = corner1[pairs.first], corner2[pairs.second]
     turn = angle2[pairs.second] - angle1[pairs.first]
@@ -183,7 +182,7 @@ def _level_for(second: View, scales: Floats, affines: Floats) -> Indices:
     """The level of view 2 on which a window of that scale has about as many pixels."""
     grown = scales * np.sqrt(np.maximum(np.abs(np.linalg.det(affines)), 1e-6))
     level = np.rint(np.log(grown) / np.log(FACTOR)).astype(np.intp)
-    return np.clip(level, 0, len(second.pyramid) - 1)
+    return np.asarray(np.clip(level, 0, len(second.pyramid) - 1))
 
 
 def _best_of_each(group: Indices, score: Floats) -> Indices:

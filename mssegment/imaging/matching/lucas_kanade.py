@@ -22,6 +22,10 @@ STEPS = 12
 STILL = 0.01
 """A window whose corners move less than this (pixels) in a step has converged."""
 RIDGE = 1e-3
+LEAST_GAIN = 0.05
+LARGEST_STRETCH = 0.5
+ORDER = np.array([0, 3, 1, 2, 4, 5])
+"""From (gx, gx u, gx v, gy, gy u, gy v) to (gx, gy, gx u, gx v, gy u, gy v)."""
 
 
 @dataclass(frozen=True)
@@ -58,42 +62,69 @@ class Registered:
 
 
 class _Templates:
-    """What view 1 says about each window, and how a difference turns into a step."""
+    """What view 1 says about windows, and how a difference from it turns into a step.
 
-    def __init__(
-        self, pyramid: list[Level], centres: Singles, levels: Indices, radius: int, affine: bool
-    ) -> None:
-        side = 2 * radius + 1
-        self.offsets = grid(side, 1.0)
-        weights = np.exp(-((self.offsets / radius) ** 2).sum(axis=1) * 2.0)
+    The steepest-descent images are the gradient times 1, u and v, so every sum that the normal
+    equations need is a matrix product of gradients, or their products, with monomials of u, v.
+    """
+
+    def __init__(self, patch: Singles, radius: int) -> None:
+        self.offsets = grid(2 * radius + 1, 1.0)
+        weights = np.exp(-2.0 * ((self.offsets / radius) ** 2).sum(axis=1))
         self.weights = (weights / weights.sum()).astype(np.float32)
-        wide = grid(side + 2, 1.0)
-        patch = sample(pyramid, levels, centres[:, :1] + wide[:, 0], centres[:, 1:] + wide[:, 1])
-        patch = patch.reshape(-1, side + 2, side + 2)
-        gx: Singles = 0.5 * (patch[:, 1:-1, 2:] - patch[:, 1:-1, :-2])
-        gy: Singles = 0.5 * (patch[:, 2:, 1:-1] - patch[:, :-2, 1:-1])
-        self.shape, self.norms = self.standardise(patch[:, 1:-1, 1:-1].reshape(len(patch), -1))
-        self.gain_to_pixels = self._solver(gx.reshape(len(gx), -1), gy.reshape(len(gy), -1), affine)
+        u, v = self.offsets.T
+        self.first_order = np.column_stack([np.ones_like(u), u, v]) * self.weights[:, None]
+        count = len(patch)
+        self.gx = ((patch[:, 1:-1, 2:] - patch[:, 1:-1, :-2]) * np.float32(0.5)).reshape(count, -1)
+        self.gy = ((patch[:, 2:, 1:-1] - patch[:, :-2, 1:-1]) * np.float32(0.5)).reshape(count, -1)
+        self.shape, self.norms = self.standardise(patch[:, 1:-1, 1:-1].reshape(count, -1))
 
     def standardise(self, values: Singles) -> tuple[Singles, Singles]:
         """Zero weighted mean and unit weighted norm; the norms."""
         centred = values - (values @ self.weights)[:, None]
         norms = np.sqrt(np.maximum((centred * centred) @ self.weights, 1e-12))
-        return centred / norms[:, None], norms
+        centred /= norms[:, None]
+        return centred, norms
 
-    def _solver(self, gx: Singles, gy: Singles, affine: bool) -> Singles:
-        """The matrices [n, 6 or 2, K] that turn sampled windows into steps, (J'WJ)^-1 J'W."""
-        u, v = self.offsets[:, 0], self.offsets[:, 1]
-        images = [gx, gy] + ([gx * u, gx * v, gy * u, gy * v] if affine else [])
-        steepest = np.stack(images, axis=1)
-        steepest -= (steepest @ self.weights)[..., None]
-        along = np.einsum("npk,nk->np", steepest, self.shape * self.weights)
-        steepest -= along[..., None] * self.shape[:, None]
-        weighted = steepest * self.weights
-        hessian = (weighted @ steepest.transpose(0, 2, 1)).astype(np.float64)
+    def prepare(self, affine: bool) -> None:
+        """The normal equations, with gain and offset projected out of them."""
+        self.order = ORDER if affine else ORDER[:2]
+        u, v = self.offsets.T
+        second_order = np.column_stack([self.first_order, (self.first_order[:, 1:] * u[:, None])])
+        second_order = np.column_stack([second_order, self.first_order[:, 2] * v])
+        blocks = [
+            (a * b) @ second_order
+            for a, b in ((self.gx, self.gx), (self.gx, self.gy), (self.gy, self.gy))
+        ]
+        table = np.array([[0, 1, 2], [1, 3, 4], [2, 4, 5]])
+        xx, xy, yy = (block[:, table].astype(np.float64) for block in blocks)
+        hessian = np.concatenate(
+            [np.concatenate([xx, xy], axis=2), np.concatenate([xy, yy], axis=2)], axis=1
+        )[:, self.order][:, :, self.order]
+        self.offset_part = self.project(np.ones_like(self.gx), np.arange(len(self.gx)))
+        self.gain_part = self.project(self.shape, np.arange(len(self.gx)))
+        for part in (self.offset_part, self.gain_part):
+            hessian -= part[:, :, None] * part[:, None, :]
         diagonal = np.einsum("npp->np", hessian)
-        hessian += np.eye(len(images)) * (RIDGE * diagonal + 1e-6)[:, None, :]
-        return np.asarray(np.linalg.solve(hessian, weighted), np.float32)
+        hessian += np.eye(len(self.order)) * (RIDGE * np.abs(diagonal) + 1e-6)[:, None, :]
+        self.inverse = np.linalg.inv(hessian)
+
+    def project(self, values: Singles, rows: Indices) -> Floats:
+        """Inner products [n, 6 or 2] of the steepest-descent images with values [n, K]."""
+        along_x = (self.gx[rows] * values) @ self.first_order
+        along_y = (self.gy[rows] * values) @ self.first_order
+        return np.column_stack([along_x, along_y])[:, self.order].astype(np.float64)
+
+    def step(self, standard: Singles, likeness: Singles, rows: Indices) -> Floats:
+        """The change of the parameters that a standardised view of the windows asks for.
+
+        Its mean is zero already; its gain against the template is ``likeness``.
+        """
+        difference = self.project(standard, rows)
+        difference -= likeness[:, None] * self.gain_part[rows]
+        scale = (self.norms[rows] / np.maximum(likeness, LEAST_GAIN)).astype(np.float64)
+        solved = np.einsum("nij,nj->ni", self.inverse[rows], difference)
+        return np.asarray(solved * scale[:, None])
 
 
 def register(
@@ -110,36 +141,32 @@ def register(
     ``affine`` refines position and linear part, otherwise the position alone. The correlation is
     Gaussian weighted; it is -1 where the window came to nothing (left its picture, inverted).
     """
-    count = len(windows.first)
     ratio1 = np.array([level.ratio for level in first])[windows.levels]
     ratio2 = np.array([level.ratio for level in second])[windows.levels_second]
-    centres = ((windows.first + 0.5) / ratio1 - 0.5).astype(np.float32)
     where = (windows.second + 0.5) / ratio2 - 0.5
     linear = windows.affines * ratio1[:, None, :] / ratio2[:, :, None]
-    templates = _Templates(first, centres, windows.levels, radius, affine)
-    correlation = np.full(count, -1.0)
-    active = np.arange(count)
+    templates = _templates(first, (windows.first + 0.5) / ratio1 - 0.5, windows.levels, radius)
+    if steps:
+        templates.prepare(affine)
+    correlation = np.full(len(where), -1.0)
+    active = np.arange(len(where))
     for step in range(steps + 1):
-        if not len(active):
-            break
-        offsets = templates.offsets @ linear[active].transpose(0, 2, 1).astype(np.float32)
-        position = offsets + where[active, None, :].astype(np.float32)
+        position = templates.offsets @ linear[active].transpose(0, 2, 1).astype(np.float32)
+        position += where[active, None, :].astype(np.float32)
         seen = sample(second, windows.levels_second[active], position[..., 0], position[..., 1])
-        standard, norms = templates.standardise(seen)
-        shape = templates.shape[active]
-        likeness = (standard * shape) @ templates.weights
+        standard, _ = templates.standardise(seen)
+        likeness = (standard * templates.shape[active]) @ templates.weights
         correlation[active] = likeness
-        gain = likeness * norms / templates.norms[active]
         if step == steps:
             break
-        change = np.einsum("npk,nk->np", templates.gain_to_pixels[active], seen)
-        change /= np.maximum(gain, 1e-3)[:, None]
+        change = templates.step(standard, likeness, active)
         alive = _advance(where, linear, active, change, radius)
         correlation[active[~alive]] = -1.0
-        moved = np.abs(change[:, :2]).max(axis=1)
-        if affine:
-            moved = np.maximum(moved, np.abs(change[:, 2:]).max(axis=1) * radius)
+        moved = np.abs(change[:, :2]).max(axis=1, initial=0.0)
+        moved = np.maximum(moved, np.abs(change[:, 2:]).max(axis=1, initial=0.0) * radius)
         active = active[alive & (moved > STILL)]
+        if not len(active):
+            break
     return Registered(
         second=(where + 0.5) * ratio2 - 0.5,
         affines=linear * ratio2[:, :, None] / ratio1[:, None, :],
@@ -147,18 +174,22 @@ def register(
     )
 
 
+def _templates(pyramid: list[Level], centres: Floats, levels: Indices, radius: int) -> _Templates:
+    wide = grid(2 * radius + 3, 1.0)
+    x, y = centres.astype(np.float32).T[:, :, None]
+    patch = sample(pyramid, levels, x + wide[:, 0], y + wide[:, 1])
+    return _Templates(patch.reshape(-1, 2 * radius + 3, 2 * radius + 3), radius)
+
+
 def _advance(
-    where: Floats, linear: Floats, active: Indices, change: Singles, radius: int
+    where: Floats, linear: Floats, active: Indices, change: Floats, radius: int
 ) -> npt.NDArray[np.bool_]:
     """Compose the inverse of each step onto the maps, in place; which steps were sane."""
-    step = change.astype(np.float64)
-    sane = np.isfinite(step).all(axis=1) & (np.abs(step[:, :2]).max(axis=1) < radius)
-    if step.shape[1] == 6:
-        sane &= np.abs(step[:, 2:]).max(axis=1) < 0.5
+    sane = np.isfinite(change).all(axis=1) & (np.abs(change[:, :2]).max(axis=1) < radius)
+    rows = active[sane]
+    if change.shape[1] == 6:
+        sane &= np.abs(change[:, 2:]).max(axis=1) < LARGEST_STRETCH
         rows = active[sane]
-        grown = np.eye(2) + step[sane, 2:].reshape(-1, 2, 2)
-        linear[rows] = linear[rows] @ np.linalg.inv(grown)
-    else:
-        rows = active[sane]
-    where[rows] -= np.einsum("nij,nj->ni", linear[rows], step[sane, :2])
+        linear[rows] = linear[rows] @ np.linalg.inv(np.eye(2) + change[sane, 2:].reshape(-1, 2, 2))
+    where[rows] -= np.einsum("nij,nj->ni", linear[rows], change[sane, :2])
     return np.asarray(sane)
