@@ -88,9 +88,9 @@ class MeanShift:
         self.bandwidth_ = self._choose_bandwidth(points, rng)
         way = self._ascend(points, points, WAY_TOLERANCE, precise=False, follow=FOLLOW_WITHIN)
         self.n_iter_ = way.iterations
-        self.trajectories_ = _trajectories(way) if self.record else None
         modes, densities, labels = self._find_modes(points, way, rng)
         self._rank(modes, densities, labels)
+        self.trajectories_ = self._paths(way) if self.record else None
         return self
 
     def fit_predict(self, points: Floats, rng: np.random.Generator | None = None) -> Integers:
@@ -128,7 +128,9 @@ class MeanShift:
         """Distinct modes in double precision, their densities, and the mode of each point."""
         last = way.last_leader()
         ends, place = np.unique(last, return_inverse=True)
-        kept, joined = merge(self.manifold, way.x[ends], way.density[ends], FOLLOW_WITHIN)
+        kept, joined = merge(
+            self.manifold, way.x[ends], way.density[ends], FOLLOW_WITHIN * self.bandwidth_
+        )
         polished = self._ascend(points, way.x[ends[kept]], MODE_TOLERANCE, precise=True)
         modes, densities, labels = self._merge(polished, joined[place])
         labels[~way.converged[last]] = -1
@@ -174,14 +176,15 @@ class MeanShift:
         self.modes_, self.densities_, self.counts_ = modes[kept], densities[kept], counts[kept]
         self.labels_ = place[labels]
 
-
-def _trajectories(way: Ascent) -> list[Floats]:
-    """Each trajectory [steps, ...]; that of a follower goes on to where its last leader ended."""
-    paths: list[list[Floats]] = [[] for _ in way.x]
-    for moving, x in way.history or []:
-        for i, place in zip(moving, x, strict=True):
-            paths[i].append(place)
-    for i, last in enumerate(way.last_leader()):
-        if last != i:
-            paths[i].append(way.x[last])
-    return [np.stack(path) for path in paths]
+    def _paths(self, way: Ascent) -> list[Floats]:
+        """Each trajectory [steps, ...]; it ends at its mode, that of a follower by way of leaders."""
+        paths: list[list[Floats]] = [[] for _ in way.x]
+        for moving, x in way.history or []:
+            for i, place in zip(moving, x, strict=True):
+                paths[i].append(place)
+        for i, (last, label) in enumerate(zip(way.last_leader(), self.labels_, strict=True)):
+            if last != i:
+                paths[i].append(way.x[last])
+            if label >= 0:
+                paths[i].append(self.modes_[label])
+        return [np.stack(path) for path in paths]

@@ -1,0 +1,221 @@
+"""Mean shift: fixed points, climbing, an independent implementation, robustness, determinism."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from mssegment.errors import ConfigurationError, DataError
+from mssegment.manifolds import Manifold, from_name
+from mssegment.meanshift import KERNELS, MeanShift, kernel_named, mean_shift_to_convergence
+from mssegment.meanshift.ascent import shift
+
+NAMES = ["euclidean(2)", "grassmann(3,1)", "grassmann(6,2)", "affine(2)", "special_linear(3)"]
+CLIMBING = ["euclidean(2)", "grassmann(3,1)", "grassmann(6,2)", "affine(2,exact)"]
+
+
+def clusters(manifold: Manifold, rng, n=60, spread=0.04, count=3, scattered=0.4):
+    """``count`` clusters around random points and a share of scattered points."""
+    centres = manifold.random_point(rng, count)
+    inside = np.arange(round((1 - scattered) * n)) % count
+    x = centres[inside]
+    v = manifold.project_tangent(x, spread * rng.standard_normal(x.shape))
+    points = manifold.exp(x, v)
+    return np.concatenate([points, manifold.random_point(rng, n - len(points))]), inside, centres
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_finds_the_clusters(name, rng):
+    manifold = from_name(name)
+    points, inside, centres = clusters(manifold, rng, n=150)
+    found = MeanShift(manifold).fit(points)
+    labels = found.labels_[: len(inside)]
+    for i in range(3):
+        values, counts = np.unique(labels[inside == i], return_counts=True)
+        assert counts.max() >= 0.95 * np.sum(inside == i)
+        assert manifold.dist(found.modes_[values[counts.argmax()]], centres[i]) < 0.1
+    assert set(labels) <= set(range(len(found.modes_)))
+    assert (np.diff(found.densities_) <= 0).all()
+    assert found.counts_.sum() == np.sum(found.labels_ >= 0)
+    np.testing.assert_array_equal(np.bincount(found.labels_), found.counts_)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_modes_are_fixed_points_with_the_density_of_equation_7(name, rng):
+    manifold = from_name(name)
+    points, _, _ = clusters(manifold, rng)
+    found = MeanShift(manifold).fit(points)
+    step, density = shift(
+        manifold.cloud(points, found.bandwidth_), KERNELS["gaussian"], found.modes_
+    )
+    assert (manifold.norm(found.modes_, step) < 2e-6 * found.bandwidth_).all()
+    np.testing.assert_allclose(density, found.densities_, rtol=1e-7)
+    d2 = manifold.pairwise_dist2(found.modes_, points)
+    expected = np.exp(-d2 / (2 * found.bandwidth_**2)).mean(axis=1)
+    np.testing.assert_allclose(found.densities_, expected, rtol=1e-7)
+
+
+@pytest.mark.parametrize("name", CLIMBING)
+@pytest.mark.parametrize("kernel", sorted(KERNELS))
+def test_density_never_falls_where_the_gradient_is_exact(name, kernel, rng):
+    manifold = from_name(name)
+    points, _, _ = clusters(manifold, rng)
+    bandwidth = MeanShift(manifold, bandwidth_constant=1.0).fit(points).bandwidth_
+    cloud = manifold.cloud(points, bandwidth)
+    x, last = points, np.zeros(len(points))
+    for _ in range(15):
+        step, density = shift(cloud, kernel_named(kernel), x)
+        assert (density >= last - 1e-9).all()
+        x, last = manifold.exp(x, step), density
+
+
+@pytest.mark.parametrize("name", CLIMBING)
+def test_shift_is_the_gradient_of_the_log_density(name, rng):
+    """(8)-(9): m = h^2 grad log f for the Gaussian kernel, against finite differences."""
+    manifold = from_name(name)
+    points, _, _ = clusters(manifold, rng)
+    cloud, h, t = manifold.cloud(points, 0.3), 0.3, 1e-5
+    x = points[:20]
+    step, _ = shift(cloud, KERNELS["gaussian"], x)
+    u = manifold.random_tangent(x, rng)
+    ahead, behind = (
+        np.log(shift(cloud, KERNELS["gaussian"], manifold.exp(x, s * t * u))[1]) for s in (1, -1)
+    )
+    np.testing.assert_allclose(
+        manifold.inner(x, step, u), h**2 * (ahead - behind) / (2 * t), atol=1e-6
+    )
+
+
+def textbook_mean_shift(points, h):
+    """Euclidean mean shift (5)-(6) as a textbook writes it."""
+    ends = []
+    for x in points:
+        for _ in range(5000):
+            w = np.exp(-0.5 * ((points - x) ** 2).sum(axis=1) / h**2)
+            new = (w[:, None] * points).sum(axis=0) / w.sum()
+            moved = np.linalg.norm(new - x)
+            x = new
+            if moved < 1e-9:
+                break
+        ends.append(x)
+    return np.array(ends)
+
+
+@pytest.mark.parametrize("offset", [0.0, 1000.0])
+def test_euclidean_case_is_the_classical_algorithm(rng, offset):
+    manifold = from_name("euclidean(2)")
+    points = offset + clusters(manifold, rng, n=90, spread=0.1)[0]
+    h = 0.15
+    ends = textbook_mean_shift(points, h)
+    plain, _ = mean_shift_to_convergence(manifold, points, h, tolerance=1e-9)
+    np.testing.assert_allclose(plain, ends, atol=1e-5)
+    found = MeanShift(manifold, bandwidth=h).fit(points)
+    away = np.linalg.norm(found.modes_[found.labels_] - ends, axis=1)
+    assert np.mean(away > h) <= 0.01
+    assert np.median(away) < 1e-4
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_agrees_with_the_plain_algorithm(name, rng):
+    manifold = from_name(name)
+    points, _, _ = clusters(manifold, rng, n=120)
+    found = MeanShift(manifold).fit(points)
+    ends, _ = mean_shift_to_convergence(manifold, points, found.bandwidth_)
+    away = manifold.dist(found.modes_[found.labels_], ends) / found.bandwidth_
+    assert np.mean(away > 1) <= 0.02
+    assert np.median(away) < 0.01
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_same_seed_same_bytes(name):
+    manifold = from_name(name)
+    points, _, _ = clusters(manifold, np.random.default_rng(3), n=300)
+    a, b = (MeanShift(manifold).fit(points, np.random.default_rng(5)) for _ in range(2))
+    for attribute in ("modes_", "labels_", "densities_", "counts_"):
+        assert getattr(a, attribute).tobytes() == getattr(b, attribute).tobytes()
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_one_point(name, rng):
+    point = from_name(name).random_point(rng, 1)
+    found = MeanShift(name).fit(point)
+    np.testing.assert_allclose(found.modes_, point, atol=1e-12)
+    assert found.labels_.tolist() == [0]
+    assert found.densities_ == pytest.approx([1.0])
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_all_points_equal(name, rng):
+    points = np.repeat(from_name(name).random_point(rng, 1), 20, axis=0)
+    found = MeanShift(name).fit(points)
+    assert found.counts_.tolist() == [20]
+    assert found.bandwidth_ > 0
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_many_duplicates(name, rng):
+    few = from_name(name).random_point(rng, 3)
+    found = MeanShift(name).fit(np.repeat(few, [30, 20, 10], axis=0))
+    assert sorted(found.counts_.tolist()) == [10, 20, 30]
+
+
+@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("bandwidth", [1e-9, 1e-3, 1e3])
+def test_extreme_bandwidths(name, bandwidth, rng):
+    points = clusters(from_name(name), rng, n=30)[0]
+    found = MeanShift(name, bandwidth=bandwidth).fit(points)
+    assert np.isfinite(found.modes_).all()
+    assert len(found.modes_) == (30 if bandwidth < 1 else 1)
+
+
+@pytest.mark.parametrize("name", ["affine(2)", "special_linear(3)"])
+def test_infinite_distances_keep_points_apart(name, rng):
+    """A reflection cannot be reached; half a turn has no unique logarithm."""
+    near = clusters(from_name(name), rng, n=20, count=1, scattered=0.0)[0]
+    turned = near @ np.diag([-1.0, -1.0, 1.0])
+    found = MeanShift(name, bandwidth=0.1).fit(np.concatenate([near, turned]))
+    assert not set(found.labels_[:20]) & set(found.labels_[20:])
+    assert np.isfinite(found.densities_).all()
+
+
+def test_saddle_points_are_dropped():
+    """Half way between two equal points 3 h apart the density has a saddle, not a mode."""
+    points = np.array([[-1.5, 0.0], [1.5, 0.0], [0.0, 0.0]])
+    kept = MeanShift("euclidean(2)", bandwidth=1.0).fit(np.repeat(points, [30, 30, 1], axis=0))
+    assert len(kept.modes_) == 2
+    assert kept.counts_.sum() == 61
+
+
+def test_small_modes_can_be_left_out(rng):
+    points, _, _ = clusters(from_name("grassmann(3,1)"), rng, n=100)
+    whole = MeanShift("grassmann(3,1)").fit(points)
+    part = MeanShift("grassmann(3,1)", min_count=5).fit(points)
+    assert (part.counts_ >= 5).all()
+    assert np.sum(part.labels_ == -1) == whole.counts_[whole.counts_ < 5].sum()
+
+
+def test_trajectories_on_request(rng):
+    manifold = from_name("grassmann(3,1)")
+    points, _, _ = clusters(manifold, rng, n=50)
+    found = MeanShift(manifold, record=True).fit(points)
+    assert len(found.trajectories_) == 50
+    for start, path, label in zip(points, found.trajectories_, found.labels_, strict=True):
+        np.testing.assert_array_equal(path[0], start)
+        np.testing.assert_array_equal(path[-1], found.modes_[label])
+
+
+@pytest.mark.parametrize("bandwidth", [0.0, -1.0, np.nan, np.inf, "wide"])
+def test_wrong_bandwidths_are_refused(bandwidth):
+    with pytest.raises(ConfigurationError, match="bandwidth"):
+        MeanShift("euclidean(2)", bandwidth=bandwidth).fit(np.zeros((3, 2)))
+
+
+def test_wrong_input_is_refused():
+    with pytest.raises(DataError, match="none"):
+        MeanShift("euclidean(2)").fit(np.zeros((0, 2)))
+    with pytest.raises(DataError, match="shape"):
+        MeanShift("euclidean(2)").fit(np.zeros((4, 3)))
+    with pytest.raises(DataError, match="finite"):
+        MeanShift("euclidean(2)").fit(np.full((4, 2), np.nan))
+    with pytest.raises(ConfigurationError, match="kernel"):
+        MeanShift("euclidean(2)", kernel="sharp").fit(np.zeros((3, 2)))
