@@ -75,6 +75,7 @@ def view_of(report: Report, index: int) -> View:
     if picture is None:
         blank = np.full((size[1], size[0], 3), 236, dtype=np.uint8)
         return View(index, blank, scale)
+    picture = np.ascontiguousarray(picture)  # the frame may be a view with its colours swapped
     if picture.shape[1::-1] != size:
         enlarged = cv2.resize(picture, size, interpolation=cv2.INTER_CUBIC)
         picture = np.asarray(enlarged, dtype=np.uint8)

@@ -54,6 +54,13 @@ def encode_pictures(
             yield name, waiting.result()
 
 
+def render_pictures(
+    report: Report, file_format: str = "png", kinds: Collection[str] = USUAL
+) -> dict[str, bytes]:
+    """The same as ``encode_pictures``, all at once: file name -> content."""
+    return dict(encode_pictures(report, file_format, kinds))
+
+
 def encode(scene: Scene, file_format: str, title: str = "") -> bytes:
     """One scene as the content of a PNG, JPEG or SVG file."""
     return draw(scene, file_format, title)()
@@ -205,7 +212,7 @@ def _label_items(report: Report, view: View) -> list[Item]:
         members = np.flatnonzero(seen & (report.labels == label))
         look = style.mark(label)
         if label == OUTLIER:
-            items += _paths(report, view, members, look.colour, 0.7 * size.line, 0.5)
+            items += _paths(report, view, members, look.colour, 0.6 * size.line, 0.38)
         items.append(Markers(points[members], look.shape, size.small, look.colour))
     for motion in report.motions:
         members = np.flatnonzero(seen & (report.labels == motion.label))

@@ -1,0 +1,91 @@
+"""The report as one HTML file: no network, light and dark, printable, readable without JavaScript.
+
+``render_page`` puts together what its neighbours make: ``sections`` the tables, ``charts`` the
+drawings, ``projection`` the 2-D view of the manifold, ``payload`` the numbers for the script.
+``template.html``, ``page.css`` and the scripts are what they are called. Everything that comes
+from a document or a file name is escaped, and a content security policy lets only our own script
+and style run.
+"""
+
+from __future__ import annotations
+
+import base64
+import hashlib
+from html import escape
+from importlib import resources
+from string import Template
+
+from mssegment import __version__
+from mssegment.rendering.page import payload, sections, still
+from mssegment.rendering.report import Report
+from mssegment.rendering.style import hexadecimal, mark
+from mssegment.rendering.tables import summary
+
+__all__ = ["render_page"]
+
+SCRIPTS = ("data.js", "picture.js", "track.js", "table.js", "start.js")
+
+
+def render_page(report: Report) -> str:
+    """The report as the text of one self-contained HTML file."""
+    style = asset("page.css") + label_rules(report)
+    script = page_script() if report.frames else ""
+    return Template(asset("template.html")).substitute(
+        policy=content_policy(style, script),
+        style=style,
+        script=script,
+        title=escape(page_title(report)),
+        headline=escape(summary(report)),
+        notes="".join(f"<li>{escape(note)}</li>" for note in report.segmentation.notes),
+        frames=still.frames_html(report, payload.photographs(report)),
+        toggles=sections.toggles_html(report),
+        motions=sections.motions_html(report),
+        modes=sections.modes_html(report),
+        manifolds=sections.manifolds_html(report),
+        residuals=sections.residuals_html(report),
+        confusion=sections.confusion_html(report),
+        tracks=sections.tracks_html(report),
+        provenance=sections.provenance_html(report),
+        version=escape(__version__),
+        data=payload.as_script(payload.numbers(report)),
+    )
+
+
+def page_title(report: Report) -> str:
+    """What the browser's tab says."""
+    names = [frame.path.rpartition("/")[2] for frame in report.frames]
+    shown = ", ".join(dict.fromkeys([names[0], names[-1]])) if names else "no frames"
+    return f"{summary(report)} · {shown}"
+
+
+def asset(name: str) -> str:
+    """The text of a file that lies beside this one."""
+    return resources.files(__package__).joinpath(name).read_text(encoding="utf-8")
+
+
+def page_script() -> str:
+    """The scripts as one, in the order in which they need each other."""
+    parts = "\n".join(asset(name) for name in SCRIPTS)
+    return f'"use strict";\n(() => {{\n{parts}\n}})();\n'
+
+
+def content_policy(style: str, script: str) -> str:
+    """A policy under which only exactly this style and this script work, and nothing is fetched."""
+
+    def digest(text: str) -> str:
+        return base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()
+
+    return (
+        f"default-src 'none'; img-src data:; style-src 'sha256-{digest(style)}'; "
+        f"script-src 'sha256-{digest(script)}'; base-uri 'none'; form-action 'none'"
+    )
+
+
+def label_rules(report: Report) -> str:
+    """Style rules per label: its colour, and how a switch hides it in every drawing."""
+    rules = []
+    for label in payload.shown_labels(report):
+        name = payload.label_class(label)
+        rules.append(f".{name}{{--c:{hexadecimal(mark(label).colour)}}}")
+        rules.append(f".hide-{name} svg .{name}{{visibility:hidden}}")
+    return "\n".join(["", *rules, ""])

@@ -1,0 +1,189 @@
+"""The drawings of the page: the manifold, and how the residuals are distributed. Plain SVG."""
+
+from __future__ import annotations
+
+from html import escape
+
+import numpy as np
+
+from mssegment.records import Floats
+from mssegment.rendering.page.payload import inlier_limit, label_class, residual_row
+from mssegment.rendering.page.projection import Projection
+from mssegment.rendering.report import Report
+from mssegment.rendering.scene import OUTLINES
+from mssegment.rendering.style import mark
+from mssegment.rendering.tables import density, number
+
+SIDE = 480.0
+"""Side of the manifold's drawing, in its own units."""
+
+
+def manifold_svg(report: Report, view: Projection) -> str:
+    """The hypotheses of one set on their manifold, the modes, and paths of mean shift."""
+    half = SIDE / 2
+    parts = [_disc() if view.hemisphere else _axes(view)]
+    for path, label in zip(view.paths, view.path_labels, strict=False):
+        steps = _polyline(half + 0.92 * half * path, broken=view.hemisphere)
+        parts.append(f'<path class="path {label_class(label)}" d="{steps}"/>')
+    points = half + 0.92 * half * view.points
+    order = np.argsort(view.labels > 0, kind="stable")  # motions over the rest
+    model = report.sets[report.segmentation.modes[view.mode_indices[0]].set]
+    for i in order:
+        if not np.isfinite(points[i]).all():
+            continue
+        hypothesis = int(view.chosen[i])
+        label = int(view.labels[i])
+        subset = ", ".join(str(int(track) + 1) for track in model.subsets[hypothesis])
+        parts.append(
+            f'<circle class="hypothesis {label_class(label)}" cx="{points[i, 0]:.1f}" '
+            f'cy="{points[i, 1]:.1f}" r="3.2"><title>hypothesis {hypothesis + 1}, '
+            f"tracks {subset}</title></circle>"
+        )
+    parts += _modes(report, view)
+    title = "equal-area disc of the hemisphere" if view.hemisphere else "tangent space"
+    return (
+        f'<svg class="chart manifold" viewBox="0 0 {SIDE:g} {SIDE:g}" role="img" '
+        f'aria-label="{escape(title)} of {escape(view.manifold)}: {len(view.points)} hypotheses, '
+        f'{len(view.mode_indices)} modes">{"".join(parts)}</svg>'
+    )
+
+
+def _modes(report: Report, view: Projection) -> list[str]:
+    half = SIDE / 2
+    parts = []
+    used = [i for i, index in enumerate(view.mode_indices) if i < 12]
+    for i in reversed(used):
+        place = half + 0.92 * half * view.modes[i]
+        if not np.isfinite(place).all():
+            continue
+        mode = report.segmentation.modes[view.mode_indices[i]]
+        look, name = mark(mode.motion), label_class(mode.motion)
+        shape = OUTLINES[look.shape] * (9.0 if mode.motion else 5.0) + place
+        corners = "L".join(f"{x:.1f} {y:.1f}" for x, y in shape)
+        title = f"mode M{view.mode_indices[i] + 1}, {mode.hypotheses} hypotheses, "
+        title += f"kernel density {density(mode.kde)}"
+        parts.append(
+            f'<g class="mode {name}"><title>{escape(title)}</title><path d="M{corners}Z"/>'
+            f'<text x="{place[0] + 13:.1f}" y="{place[1] + 4:.1f}">M{view.mode_indices[i] + 1}'
+            f"</text></g>"
+        )
+    return parts
+
+
+def _disc() -> str:
+    """The rim, the circles 30 and 60 degrees from the optical axis, and the camera's axes."""
+    half = SIDE / 2
+    parts = [f'<circle class="rim" cx="{half}" cy="{half}" r="{0.92 * half:.1f}"/>']
+    for degrees in (30, 60):
+        radius = 0.92 * half * np.sqrt(2) * np.sin(np.deg2rad(degrees) / 2)
+        parts.append(f'<circle class="grid" cx="{half}" cy="{half}" r="{radius:.1f}"/>')
+        parts.append(
+            f'<text class="tick" x="{half + 0.71 * radius + 3:.1f}" '
+            f'y="{half - 0.71 * radius - 3:.1f}">{degrees}°</text>'
+        )
+    low, high = half - 0.92 * half, half + 0.92 * half
+    parts.append(
+        f'<path class="grid" d="M{low:.1f} {half}H{high:.1f}M{half} {low:.1f}V{high:.1f}"/>'
+    )
+    parts.append(f'<text class="tick" x="{half + 4}" y="{half - 5}">optical axis</text>')
+    parts.append(
+        f'<text class="tick end" x="{high - 4:.1f}" y="{half - 5}">sideways</text>'
+        f'<text class="tick" x="{half + 5}" y="{high - 6:.1f}">up and down</text>'
+    )
+    return "".join(parts)
+
+
+def _axes(view: Projection) -> str:
+    half, reach = SIDE / 2, 0.92 * SIDE / 2
+    low, high = half - reach, half + reach
+    label = number(view.radius, 2)
+    return (
+        f'<rect class="rim" x="{low:.1f}" y="{low:.1f}" width="{2 * reach:.1f}" '
+        f'height="{2 * reach:.1f}" rx="6"/>'
+        f'<path class="grid" d="M{low:.1f} {half}H{high:.1f}M{half} {low:.1f}V{high:.1f}"/>'
+        f'<text class="tick" x="{low + 5:.1f}" y="{half - 5}">−{label}</text>'
+        f'<text class="tick end" x="{high - 5:.1f}" y="{half - 5}">{label}</text>'
+    )
+
+
+def _polyline(path: Floats, broken: bool) -> str:
+    """Path data; on the disc a path that crosses the rim comes back at the other side."""
+    fine = path[np.isfinite(path).all(axis=1)]
+    if len(fine) < 2:
+        return ""
+    jumps = np.hypot(*np.diff(fine, axis=0).T) > SIDE / 3
+    parts = [f"M{fine[0, 0]:.1f} {fine[0, 1]:.1f}"]
+    for (x, y), jump in zip(fine[1:], jumps, strict=True):
+        parts.append(f"{'M' if jump and broken else 'L'}{x:.1f} {y:.1f}")
+    return "".join(parts)
+
+
+DECADES = (-2.0, 3.0)
+WIDTH, HEIGHT = 360.0, 150.0
+
+
+def residual_svg(report: Report, label: int) -> str:
+    """The density of the logarithms of all residuals to one motion, its inliers, and the limit."""
+    row = residual_row(report, label)
+    if row is None:
+        return ""
+    residuals = report.segmentation.residuals[row]
+    edges = np.linspace(*DECADES, 101)
+    everyone = _smoothed(residuals, edges)
+    inliers = _smoothed(residuals[report.members(label)], edges)
+    top = max(float(everyone.max()), 1e-9)
+    limit = inlier_limit(report, label)
+    parts = [_decades()]
+    parts.append(f'<path class="all" d="{_area(everyone / top)}"/>')
+    parts.append(f'<path class="own" d="{_area(inliers / top)}"/>')
+    if limit is not None:
+        x = _place(float(np.log10(max(limit, 1e-9))))
+        side = "end" if x > WIDTH - 90 else ""
+        shift = -5 if side else 5
+        parts.append(
+            f'<path class="limit" d="M{x:.1f} 8V{HEIGHT - 22:g}"/>'
+            f'<text class="tick {side}" x="{x + shift:.1f}" y="16">{number(limit, 2)} px</text>'
+        )
+    look = mark(label)
+    title = f"residuals to {look.name}: inliers up to {number(limit, 2)} pixels"
+    return (
+        f'<figure class="{label_class(label)}"><figcaption><span class="key" aria-hidden="true">'
+        f"{look.glyph}</span> {look.name}</figcaption>"
+        f'<svg class="chart" viewBox="0 0 {WIDTH:g} {HEIGHT:g}" role="img" '
+        f'aria-label="{escape(title)}"><g class="{label_class(label)}">{"".join(parts)}</g></svg>'
+        f"</figure>"
+    )
+
+
+def _smoothed(residuals: Floats, edges: Floats) -> Floats:
+    """A kernel estimate on a grid: counts per bin under a Gaussian of 0.08 decades."""
+    logs = np.log10(np.maximum(residuals[np.isfinite(residuals)], 1e-9))
+    counts, _ = np.histogram(np.clip(logs, *DECADES), bins=edges)
+    width = edges[1] - edges[0]
+    reach = np.arange(-8, 9) * width
+    kernel = np.exp(-0.5 * (reach / 0.08) ** 2)
+    return np.asarray(np.convolve(counts, kernel / kernel.sum(), mode="same"))
+
+
+def _place(decade: float) -> float:
+    share = (decade - DECADES[0]) / (DECADES[1] - DECADES[0])
+    return 6 + (WIDTH - 12) * min(1.0, max(0.0, share))
+
+
+def _area(heights: Floats) -> str:
+    base, room = HEIGHT - 22, HEIGHT - 46
+    x = np.linspace(_place(DECADES[0]), _place(DECADES[1]), len(heights))
+    line = "L".join(f"{a:.1f} {base - room * h:.1f}" for a, h in zip(x, heights, strict=True))
+    return f"M{x[0]:.1f} {base:g}L{line}L{x[-1]:.1f} {base:g}Z"
+
+
+def _decades() -> str:
+    base = HEIGHT - 22
+    parts = [f'<path class="grid" d="M6 {base:g}H{WIDTH - 6:g}"/>']
+    for decade in range(int(DECADES[0]), int(DECADES[1]) + 1):
+        x = _place(decade)
+        name = f"{10.0**decade:g}" + (" px" if decade == 3 else "")
+        side = {-2: "", 3: " end"}.get(decade, " middle")
+        parts.append(f'<path class="grid" d="M{x:.1f} {base:g}v4"/>')
+        parts.append(f'<text class="tick{side}" x="{x:.1f}" y="{HEIGHT - 6:g}">{name}</text>')
+    return "".join(parts)

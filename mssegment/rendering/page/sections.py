@@ -1,0 +1,304 @@
+"""The sections of the page below the pictures: tables first, drawings beside them."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from html import escape
+from typing import Any
+
+import numpy as np
+
+from mssegment.rendering.page.charts import manifold_svg, residual_svg
+from mssegment.rendering.page.payload import (
+    label_class,
+    residual_row,
+    shown_labels,
+    wrong_tracks,
+)
+from mssegment.rendering.page.projection import Projection, project
+from mssegment.rendering.report import Report
+from mssegment.rendering.style import mark
+from mssegment.rendering.tables import density, fixed, number
+
+MOST_MODES = 20
+MOST_SETS = 3
+ROWS = 25
+"""Rows of the table of tracks on one of its pages."""
+
+
+def toggles_html(report: Report) -> str:
+    """A switch per label."""
+    parts = []
+    for label in shown_labels(report):
+        look, name = mark(label), label_class(label)
+        parts.append(
+            f'<label class="toggle {name}"><input type="checkbox" data-label="{label}" checked> '
+            f'<span class="key" aria-hidden="true">{look.glyph}</span> {escape(look.name)} '
+            f'<span class="count">{len(report.members(label))}</span></label>'
+        )
+    return "\n".join(parts)
+
+
+def motions_html(report: Report) -> str:
+    """One row per motion: what it is made of and how well it fits."""
+    if not report.motions:
+        return "<p>No motion was found.</p>"
+    header = ["motion", "model", "inliers", "hypotheses", "kernel density", "rms, px"]
+    header += ["largest residual, px"]
+    saves = any(motion.cost_saved is not None for motion in report.motions)
+    header += ["description saved, nats"] if saves else []
+    header += ["true motion"] if report.evaluation else []
+    rows = []
+    for motion in report.motions:
+        modes = report.modes_of(motion.label)
+        row = residual_row(report, motion.label)
+        own = np.zeros(0) if row is None else report.segmentation.residuals[row]
+        own = own[report.members(motion.label)] if len(own) else own
+        own = own[np.isfinite(own)]
+        cells = [
+            escape(motion.model),
+            str(len(report.members(motion.label))),
+            str(sum(mode.hypotheses for mode in modes)),
+            density(modes[0].kde if modes else None),
+            fixed(motion.rms, 2),
+            fixed(float(own.max()) if len(own) else None, 2),
+        ]
+        cells += [fixed(motion.cost_saved, 1)] if saves else []
+        if report.evaluation:
+            true = report.true_motion(motion.label)
+            cells.append("none" if true is None else str(true))
+        rows.append(_row(_label_head(motion.label), cells))
+    return _table("What was found", header, rows)
+
+
+def modes_html(report: Report) -> str:
+    """The modes by kernel density, and what made some of them motions."""
+    modes = report.segmentation.modes
+    if not modes:
+        return "<p>No mode was found.</p>"
+    highest = max([mode.kde for mode in modes if np.isfinite(mode.kde)], default=1.0) or 1.0
+    rows = []
+    for i, mode in enumerate(modes[:MOST_MODES]):
+        share = 100 * mode.kde / highest if np.isfinite(mode.kde) else 0.0
+        bar = (
+            f'<svg class="bar {label_class(mode.motion)}" viewBox="0 0 100 10" '
+            f'preserveAspectRatio="none" aria-hidden="true"><rect width="{share:.1f}" height="10"/>'
+            f"</svg>"
+        )
+        cells = [str(mode.hypotheses), density(mode.kde), bar]
+        cells.append(_motion_word(mode.motion))
+        cells += [str(mode.set + 1)] if len(report.sets) > 1 else []
+        rows.append(_row(f"M{i + 1}", cells))
+    header = ["mode", "hypotheses", "kernel density", "", "became"]
+    header += ["set"] if len(report.sets) > 1 else []
+    more = len(modes) - MOST_MODES
+    note = f"<p class='hint'>{more} weaker modes are left out.</p>" if more > 0 else ""
+    return f"<p>{escape(_decision(report))}</p>" + _table("Modes", header, rows) + note
+
+
+def _decision(report: Report) -> str:
+    """What stands between the modes that became motions and the others, in words."""
+    modes = report.segmentation.modes
+    kept = [(mode.kde, f"M{i + 1}") for i, mode in enumerate(modes) if mode.motion > 0]
+    rest = [(mode.kde, f"M{i + 1}") for i, mode in enumerate(modes) if mode.motion <= 0]
+    if not kept:
+        return "No mode became a motion."
+    weakest = min(kept)
+    text = f"{len(kept)} of {len(modes)} modes grew into motions."
+    if rest:
+        strongest = max(rest)
+        ratio = weakest[0] / strongest[0] if strongest[0] > 0 else float("inf")
+        text += (
+            f" The weakest of these, {weakest[1]}, has {number(ratio, 3)} times the kernel density "
+            f"of {strongest[1]}, the strongest that did not."
+        )
+    saved = [m.cost_saved for m in report.motions if m.cost_saved is not None]
+    if saved:
+        text += (
+            f" What decided is the description length: each motion shortens it, the least useful "
+            f"one by {fixed(min(saved), 1)} nats after its price."
+        )
+    return text
+
+
+def manifolds_html(report: Report) -> str:
+    """The view of each hypothesis set, at most ``MOST_SETS`` of them, strongest mode first."""
+    order = list(dict.fromkeys(mode.set for mode in report.segmentation.modes))
+    views = [(i, project(report, i)) for i in order[:MOST_SETS] if i < len(report.sets)]
+    figures = [
+        f"<figure>{manifold_svg(report, view)}"
+        f"<figcaption>{escape(_explain(report, i, view))}</figcaption></figure>"
+        for i, view in views
+        if view is not None
+    ]
+    more = len(order) - MOST_SETS
+    note = f"<p class='hint'>{more} more sets of hypotheses are not drawn.</p>" if more > 0 else ""
+    return "".join(figures) + note if figures else "<p>There are no hypotheses to draw.</p>"
+
+
+def _explain(report: Report, index: int, view: Projection) -> str:
+    count = len(report.sets[index].points)
+    text = f"{report.sets[index].model} on {view.manifold}: "
+    text += (
+        f"{len(view.points)} of {count} hypotheses"
+        if len(view.points) < count
+        else (f"{count} hypotheses")
+    )
+    if view.hemisphere:
+        text += ". A translation is a line through the camera's centre; its point on the half "
+        text += "sphere is drawn so that equal areas stay equal (Lambert). "
+    else:
+        text += f", seen from the tangent space at M{view.mode_indices[0] + 1}, along the two "
+        text += f"directions of widest spread ({100 * (view.shown or 0):.0f} % of it)"
+        text += f"; {view.hidden} lie outside. " if view.hidden else ". "
+    if view.paths:
+        text += f"The lines are the paths of {len(view.paths)} of them under mean shift."
+    return text
+
+
+def residuals_html(report: Report) -> str:
+    """The distribution of the residuals to each motion."""
+    figures = [residual_svg(report, motion.label) for motion in report.motions[:12]]
+    if not any(figures):
+        return "<p>There are no residuals to draw.</p>"
+    return f'<div class="small-multiples">{"".join(figures)}</div>'
+
+
+def confusion_html(report: Report) -> str:
+    """True motions against found ones, with the residual errors of the paper."""
+    evaluation = report.evaluation
+    if evaluation is None or report.res is None or report.res_hat is None:
+        return "<p>There are no true labels to compare with.</p>"
+    order = {motion.label: i for i, motion in enumerate(report.motions)}
+    back = {true: found for found, true in evaluation.matching.items()}
+    rows = []
+    for i, counts in enumerate(evaluation.confusion):
+        last = i == len(evaluation.true_motions)
+        true = None if last else evaluation.true_motions[i]
+        total = max(1, int(counts.sum()))
+        cells = []
+        for j, count in enumerate(counts):
+            right = last and j == len(counts) - 1
+            if true is not None and j < len(evaluation.found_motions):
+                right = evaluation.matching.get(evaluation.found_motions[j]) == true
+            level = -(-4 * int(count) // total)
+            kind = "right" if right else "wrong"
+            cells.append(f'<td class="{kind} level{level}">{count}</td>')
+        found = order.get(back.get(true, 0)) if true is not None else None
+        errors = ("", "") if found is None else (report.res[found], report.res_hat[found])
+        cells += [f"<td>{e if isinstance(e, str) else number(e, 4)}</td>" for e in errors]
+        name = "outlier" if true is None else f"true {true}"
+        rows.append(f'<tr><th scope="row">{name}</th>{"".join(cells)}</tr>')
+    header = ["true \\ found", *(f"motion {f}" for f in evaluation.found_motions)]
+    header += ["outlier", "res (23)", "res-hat (24)"]
+    share = 100 * evaluation.misclassification
+    text = f"{share:.2f} % of the {evaluation.counted} tracks that count are misclassified."
+    return f"<p>{text}</p>" + _table("Confusion matrix", header, rows)
+
+
+def tracks_html(report: Report) -> str:
+    """The first page of the table of tracks; the script turns the pages."""
+    wrong = wrong_tracks(report)
+    truth = report.truth
+    header = ["track", "found", "true", "residual, px", "second best, px", "displacement, px"]
+    rows = []
+    for i in range(min(ROWS, len(report.labels))):
+        own, other = _best_residuals(report, i)
+        way = report.tracks.points[i]
+        way = way[np.isfinite(way).all(axis=1)]
+        moved = float(np.hypot(*(way[-1] - way[0]))) if len(way) > 1 else None
+        cells = [
+            _motion_word(int(report.labels[i])),
+            "" if truth is None else str(truth[i]) + (" wrong" if wrong[i] else ""),
+            fixed(own, 2),
+            fixed(other, 2),
+            fixed(moved, 1),
+        ]
+        rows.append(_row(str(i + 1), cells))
+    return _table("Tracks", header, rows, identifier="track-table")
+
+
+def _best_residuals(report: Report, track: int) -> tuple[float | None, float | None]:
+    """Residual to the own motion (or the best, for an outlier), and the least of the others."""
+    residuals = report.segmentation.residuals
+    if residuals.ndim != 2 or not len(residuals):
+        return None, None
+    column = residuals[:, track]
+    label = int(report.labels[track])
+    row = residual_row(report, label) if label > 0 else None
+    finite = np.where(np.isfinite(column), column, np.inf)
+    first = int(np.argmin(finite)) if row is None else row
+    rest = np.delete(finite, first)
+    own, other = float(finite[first]), float(rest.min()) if len(rest) else np.inf
+    return (own if own < np.inf else None), (other if other < np.inf else None)
+
+
+def provenance_html(report: Report) -> str:
+    """What was run: the frames, each stage with its settings, the configuration."""
+    frames = [
+        _row(str(i + 1), [escape(f.path), f"{f.width} × {f.height}", _hash(f.sha256)])
+        for i, f in enumerate(report.frames)
+    ]
+    parts = [_table("Frames", ["frame", "file", "size", "SHA-256"], frames)]
+    stages = [
+        _row(
+            escape(str(entry.get("stage", f"step {i + 1}"))),
+            [escape(str(entry.get("version", ""))), _settings(entry)],
+        )
+        for i, entry in enumerate(report.history)
+    ]
+    if stages:
+        parts.append(_table("Stages", ["stage", "version", "settings"], stages))
+    if report.configuration:
+        text = json.dumps(report.configuration, indent=2, default=str, ensure_ascii=False)
+        parts.append(
+            f"<details><summary>Configuration</summary><pre>{escape(text)}</pre></details>"
+        )
+    return "".join(parts)
+
+
+def _settings(entry: Mapping[str, Any]) -> str:
+    settings = entry.get("settings", {})
+    items = settings.items() if isinstance(settings, Mapping) else [("settings", settings)]
+    known = {"stage", "version", "settings"}
+    items = [*items, *((k, v) for k, v in entry.items() if k not in known and v)]
+    return "<br>".join(
+        f"<code>{escape(str(key))}</code> {escape(json.dumps(value, default=str))}"
+        for key, value in items
+    )
+
+
+def _hash(text: str) -> str:
+    return f'<code title="{escape(text)}">{escape(text[:12])}</code>' if text else "-"
+
+
+def _motion_word(label: int) -> str:
+    look = mark(label)
+    if label == 0:
+        return "-"
+    key = f'<span class="key {label_class(label)}" aria-hidden="true">{look.glyph}</span>'
+    return f"{key} {label if label > 0 else escape(look.name)}"
+
+
+def _label_head(label: int) -> str:
+    look = mark(label)
+    key = f'<span class="key {label_class(label)}" aria-hidden="true">{look.glyph}</span>'
+    return f"{key} {label}"
+
+
+def _row(head: str, cells: list[str]) -> str:
+    body = "".join(f"<td>{cell}</td>" for cell in cells)
+    return f'<tr><th scope="row">{head}</th>{body}</tr>'
+
+
+def _table(caption: str, header: list[str], rows: list[str], identifier: str = "") -> str:
+    heads = "".join(
+        f'<th scope="col">{escape(text)}</th>' if text else "<td></td>" for text in header
+    )
+    name = f' id="{identifier}"' if identifier else ""
+    return (
+        f'<div class="scroll" tabindex="0" role="region" aria-label="{escape(caption)}">'
+        f"<table{name}><caption>{escape(caption)}</caption>"
+        f"<thead><tr>{heads}</tr></thead><tbody>{''.join(rows)}</tbody></table></div>"
+    )

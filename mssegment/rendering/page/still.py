@@ -1,0 +1,79 @@
+"""The first frame with its motions as it shows without JavaScript: photographs and an SVG over."""
+
+from __future__ import annotations
+
+from html import escape
+
+import numpy as np
+
+from mssegment.records import Floats
+from mssegment.rendering.page.payload import label_class, shown_labels
+from mssegment.rendering.report import Report
+from mssegment.rendering.scene import OUTLINES
+from mssegment.rendering.style import mark, sizes
+
+MOST_MARKERS = 1500
+"""More tracks than this are thinned in the still picture; the script shows all of them."""
+
+
+def frames_html(report: Report, addresses: list[str]) -> str:
+    """All photographs, the first one shown, and over it the marks of the first frame."""
+    parts = []
+    for i, (frame, address) in enumerate(zip(report.frames, addresses, strict=True)):
+        name = f"Frame {i + 1} of {len(report.frames)}: {frame.path}"
+        shown = "frame current" if i == 0 else "frame"
+        size = f'width="{frame.width}" height="{frame.height}"'
+        if address:
+            parts.append(
+                f'<img class="{shown}" {size} src="{address}" alt="{escape(name)}" '
+                f'decoding="async">'
+            )
+        else:
+            parts.append(
+                f'<svg class="{shown} blank" {size} viewBox="0 0 {frame.width} {frame.height}" '
+                f'role="img" aria-label="{escape(name)} (the picture is not at hand)"></svg>'
+            )
+    if report.frames:
+        parts.append(marks_svg(report, 0))
+    return "\n".join(parts)
+
+
+def marks_svg(report: Report, index: int) -> str:
+    """The tracks of one frame as SVG, in the coordinates of the frame."""
+    frame = report.frames[index]
+    size = sizes(frame.width, frame.height)
+    thin = max(1, -(-len(report.labels) // MOST_MARKERS))
+    groups, shapes = [], []
+    for label in reversed(shown_labels(report)):
+        members = report.members(label)[::thin]
+        name = label_class(label)
+        shapes.append(f'<path id="s-{name}" d="{_outline(mark(label).shape, size.marker)}"/>')
+        ways = report.tracks.points[members]
+        seen = np.isfinite(ways[:, index]).all(axis=1)
+        places = np.round(ways[seen, index] + 0.5, 1)
+        uses = "".join(f'<use href="#s-{name}" x="{x:g}" y="{y:g}"/>' for x, y in places)
+        groups.append(
+            f'<g class="{name}"><path class="way" stroke-width="{size.line:.2f}" '
+            f'd="{_ways(ways[seen])}"/>'
+            f'<g class="mark">{uses}</g></g>'
+        )
+    return (
+        f'<svg class="still" viewBox="0 0 {frame.width} {frame.height}" aria-hidden="true">'
+        f"<defs>{''.join(shapes)}</defs>{''.join(groups)}</svg>"
+    )
+
+
+def _outline(shape: str, radius: float) -> str:
+    corners = OUTLINES[shape] * radius
+    return "M" + "L".join(f"{x:.1f} {y:.1f}" for x, y in corners) + "Z"
+
+
+def _ways(ways: Floats) -> str:
+    """From where a track is first seen to where it is last seen."""
+    parts = []
+    for way in ways:
+        seen = np.round(way[np.isfinite(way).all(axis=1)] + 0.5, 1)
+        if len(seen) > 1:
+            (x0, y0), (x1, y1) = seen[0], seen[-1]
+            parts.append(f"M{x0:g} {y0:g}L{x1:g} {y1:g}")
+    return "".join(parts)
