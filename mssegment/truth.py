@@ -12,7 +12,6 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 
 from mssegment.datasets import labels_from_masks, labels_from_points, read_located_labels
 from mssegment.errors import DataError
@@ -45,16 +44,14 @@ def true_labels(
     return found
 
 
-def _read_masks(
-    paths: Sequence[str], frames: Sequence[Frame]
-) -> dict[int, npt.NDArray[np.integer]]:
+def _read_masks(paths: Sequence[str], frames: Sequence[Frame]) -> dict[int, Integers]:
     from mssegment.imaging.frames import open_frames
 
     source = open_frames(list(paths), at_least=1)
     width, height = frames[0].width, frames[0].height
-    masks: dict[int, npt.NDArray[np.integer]] = {}
+    masks: dict[int, Integers] = {}
     for i, place in enumerate(_frames_of([frame.path for frame in source.frames], frames)):
-        path, mask = source.frames[i].path, source.pixels(i)
+        path, mask = source.frames[i].path, np.asarray(source.pixels(i), dtype=np.int64)
         if mask.shape[:2] != (height, width):
             raise DataError(
                 f"{path}: the mask is {mask.shape[1]}x{mask.shape[0]}, "
@@ -64,7 +61,7 @@ def _read_masks(
     return masks
 
 
-def _one_channel(mask: npt.NDArray[np.integer], path: str) -> npt.NDArray[np.integer]:
+def _one_channel(mask: Integers, path: str) -> Integers:
     if mask.ndim == 2:
         return mask
     colours = mask[..., :3]
