@@ -88,3 +88,30 @@ def affine_report(*, frames: int = 2, tracks: int = 60, truth: bool = True, **ex
         ),
         **{"pictures": picture, "truth": labels if truth else None, **extra},
     )
+
+
+def many_tracks(*, tracks: int, frames: int, width: int = 1242, height: int = 375) -> Report:
+    """Five motions without hypotheses on noisy pictures: as heavy as a long video."""
+    rng = np.random.default_rng(7)
+    labels = rng.integers(0, 6, tracks)
+    drift = rng.normal(0, 3, (6, 2))[labels][:, None] + rng.normal(0, 0.5, (tracks, frames, 2))
+    points = rng.uniform([0, 0], [width, height], (tracks, 2))[:, None] + np.cumsum(drift, axis=1)
+    points[rng.random((tracks, frames)) < 0.1] = np.nan
+    base = np.kron(rng.integers(40, 220, (height // 5, width // 6, 3)), np.ones((5, 6, 1)))
+    canvas = np.zeros((height, width, 3))
+    canvas[: base.shape[0], : base.shape[1]] = base
+    grain = np.random.default_rng(8).normal(0, 12, (height, width, 1))
+    motions = tuple(
+        Motion(k, 0, "factorization", np.eye(3), np.flatnonzero(labels == k), 1.0, 1.0)
+        for k in range(1, 6)
+    )
+    modes = tuple(Mode(0, 10, 0.1 / k, np.eye(3), k) for k in range(1, 6))
+    return build_report(
+        frames=[Frame(f"{i:06d}.png", width, height) for i in range(frames)],
+        tracks=Tracks(points),
+        sets=[],
+        segmentation=Segmentation(
+            labels, modes, motions, (), rng.lognormal(0, 2, (5, tracks)), (), ()
+        ),
+        pictures=lambda i: np.clip(canvas + np.roll(grain, 7 * i, axis=1), 0, 255).astype(np.uint8),
+    )

@@ -1,0 +1,257 @@
+"""The page in a real browser: Chromium through Playwright; skips, saying why, where either lacks.
+
+``pip install '.[browser]'`` and Debian's package ``chromium`` (or any Chromium or Chrome that
+``$MSSEGMENT_CHROMIUM`` names) make these tests run.
+"""
+
+from __future__ import annotations
+
+import os
+import shutil
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+from rendering_samples import affine_report, many_tracks
+
+from mssegment.records import Frame
+from mssegment.rendering.page import render_page
+
+playwright = pytest.importorskip("playwright.sync_api", reason="pip install '.[browser]'")
+
+NASTY = "<img src=x onerror=alert(1)>.png"
+
+
+def find_chromium() -> str | None:
+    named = os.environ.get("MSSEGMENT_CHROMIUM")
+    names = ("chromium", "chromium-browser", "google-chrome")
+    return named or next(filter(None, map(shutil.which, names)), None)
+
+
+@pytest.fixture(scope="module")
+def browser():
+    path = find_chromium()
+    if path is None:
+        pytest.skip("no Chromium: install Debian's chromium, or set MSSEGMENT_CHROMIUM")
+    quiet = ["--disable-gpu", "--disable-background-networking", "--disable-component-update"]
+    root = ["--no-sandbox"] if hasattr(os, "geteuid") and os.geteuid() == 0 else []
+    with playwright.sync_playwright() as started:
+        browser = started.chromium.launch(executable_path=path, args=[*quiet, *root])
+        yield browser
+        browser.close()
+
+
+class Opened:
+    """A page, what its console said, and what it asked the network for."""
+
+    def __init__(self, page, path: Path) -> None:
+        self.page = page
+        self.complaints: list[str] = []
+        self.requests: list[str] = []
+        page.on("console", lambda m: self._hear(m.type, m.text))
+        page.on("pageerror", lambda error: self.complaints.append(str(error)))
+        page.on("dialog", lambda dialog: self.complaints.append(f"dialog {dialog.message}"))
+        page.on("request", lambda request: self._ask(request.url))
+        page.goto(path.as_uri())
+        page.wait_for_selector("body.live")
+
+    def _hear(self, kind: str, text: str) -> None:
+        # reading the canvas back is our own doing, in ``ink``
+        if kind in ("error", "warning") and "willReadFrequently" not in text:
+            self.complaints.append(text)
+
+    def _ask(self, url: str) -> None:
+        if not url.startswith(("file:", "data:")):
+            self.requests.append(url)
+
+    def ink(self, label: int) -> int:
+        """How many pixels the layer of a label has drawn; 0 while it is hidden."""
+        return self.page.evaluate(
+            """([red, green, blue]) => {
+                let sum = 0;
+                for (const canvas of document.querySelectorAll('#stage canvas:not([hidden])')) {
+                  const { width, height } = canvas;
+                  const d = canvas.getContext('2d').getImageData(0, 0, width, height).data;
+                  for (let i = 0; i < d.length; i += 4) {
+                    const same = d[i] === red && d[i + 1] === green && d[i + 2] === blue;
+                    if (same && d[i + 3] > 250) sum++;
+                  }
+                }
+                return sum; }""",
+            list(COLOURS[label]),
+        )
+
+    def clean(self) -> None:
+        assert self.complaints == []
+        assert self.requests == []
+
+
+COLOURS = {1: (230, 159, 0), 2: (86, 180, 233)}
+
+
+@pytest.fixture
+def open_page(browser, tmp_path):
+    contexts = []
+
+    def open_it(report, **context) -> Opened:
+        path = tmp_path / "report.html"
+        path.write_text(render_page(report), encoding="utf-8")
+        contexts.append(
+            browser.new_context(**{"viewport": {"width": 1300, "height": 900}} | context)
+        )
+        return Opened(contexts[-1].new_page(), path)
+
+    yield open_it
+    for context in contexts:
+        context.close()
+
+
+@pytest.fixture
+def pair(open_page) -> Opened:
+    return open_page(affine_report())
+
+
+def test_switches_hide_and_show_a_motion(pair):
+    before = pair.ink(1)
+    assert before > 200
+    pair.page.uncheck("#labels input[data-label='1']")
+    assert pair.ink(1) == 0
+    assert pair.ink(2) > 200
+    hidden = pair.page.eval_on_selector(
+        "svg .hypothesis.motion1", "dot => getComputedStyle(dot).visibility"
+    )
+    assert hidden == "hidden"
+    pair.page.check("#labels input[data-label='1']")
+    assert pair.ink(1) == before
+    pair.clean()
+
+
+def test_slider_buttons_and_flick_change_the_frame(open_page):
+    opened = open_page(affine_report(frames=4))
+    page = opened.page
+    shown = "document.querySelector('.frame.current').alt"
+    assert "Frame 1 of 4" in page.evaluate(shown)
+    page.fill("#slider", "3")
+    assert "Frame 3 of 4" in page.evaluate(shown)
+    page.click("#forward")
+    assert "Frame 4 of 4" in page.evaluate(shown)
+    page.click("#forward")
+    assert "Frame 1 of 4" in page.evaluate(shown)
+    page.click("#flick")
+    page.wait_for_selector(".frame.current[alt*='Frame 2 of 4']")
+    page.click("#flick")
+    opened.clean()
+
+
+def test_hover_describes_the_track_and_a_click_finds_it_in_the_table(pair):
+    report = affine_report()
+    track = int(report.members(2)[3])
+    x, y = report.tracks.points[track, 0]
+    box = pair.page.locator("#stage").bounding_box()
+    ratio = box["width"] / report.frames[0].width
+    place = (box["x"] + (x + 0.5) * ratio, box["y"] + (y + 0.5) * ratio)
+    pair.page.mouse.move(*place)
+    details = pair.page.inner_text("#details")
+    assert f"Track {track + 1}" in details
+    assert "motion 2" in details
+    assert f"x {x:.1f}" in details
+    pair.page.mouse.click(*place)
+    row = pair.page.locator("#track-table tr.chosen")
+    assert row.locator("th").inner_text() == str(track + 1)
+    pair.clean()
+
+
+def test_keyboard_alone_does_it_all(pair):
+    page = pair.page
+    page.focus("#stage")
+    page.keyboard.press("ArrowRight")
+    assert "Track 1" in page.inner_text("#details")
+    page.keyboard.press("ArrowRight")
+    assert "Track 2" in page.inner_text("#details")
+    page.keyboard.press("1")
+    assert pair.ink(1) == 0
+    page.keyboard.press(".")
+    assert "Frame 2 of 2" in page.evaluate("document.querySelector('.frame.current').alt")
+    page.keyboard.press("Enter")
+    assert page.evaluate("document.activeElement.closest('tr').classList.contains('chosen')")
+    page.keyboard.press("Enter")
+    assert page.evaluate("document.activeElement.id") == "stage"
+    pair.clean()
+
+
+def test_the_table_sorts_filters_and_turns_pages(pair):
+    page = pair.page
+    first = "#track-table tbody tr:first-child th"
+    page.click("#page-forward")
+    assert page.inner_text(first) == "26"
+    page.select_option("#filter", "2")
+    assert "20 tracks" in page.inner_text("#page-name")
+    page.click("#track-table thead th:last-child button")
+    values = page.locator("#track-table tbody td:last-child").all_inner_texts()
+    assert [float(v) for v in values] == sorted(float(v) for v in values)
+    pair.clean()
+
+
+def test_names_of_files_and_notes_stay_text(open_page):
+    report = affine_report(
+        frames=2,
+        history=[{"stage": NASTY, "settings": {NASTY: "</script><script>alert(2)</script>"}}],
+    )
+    frames = tuple(Frame(NASTY, f.width, f.height) for f in report.frames)
+    opened = open_page(report.__class__(**{**report.__dict__, "frames": frames}))
+    opened.page.click("#forward")
+    assert NASTY in opened.page.inner_text("#frame-name")
+    assert NASTY in opened.page.inner_text("#provenance")
+    assert opened.page.locator("img[src=x]").count() == 0
+    opened.clean()
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_axe_finds_no_serious_violation(open_page, scheme):
+    axe = pytest.importorskip(
+        "axe_playwright_python.sync_playwright", reason="pip install '.[browser]'"
+    )
+    report = affine_report(history=[{"stage": "match", "version": "1", "settings": {"a": 1}}])
+    opened = open_page(report, color_scheme=scheme, bypass_csp=True)
+    opened.page.focus("#stage")
+    opened.page.keyboard.press("ArrowRight")
+    found = axe.Axe().run(opened.page).response["violations"]
+    serious = [
+        (v["id"], v["nodes"][0]["html"]) for v in found if v["impact"] in ("serious", "critical")
+    ]
+    assert serious == []
+
+
+def test_without_javascript_everything_but_the_switches_is_there(browser, tmp_path):
+    path = tmp_path / "report.html"
+    path.write_text(render_page(affine_report()), encoding="utf-8")
+    context = browser.new_context(java_script_enabled=False)
+    page = context.new_page()
+    page.goto(path.as_uri())
+    assert page.locator(".still use").count() == 60
+    assert page.locator(".frame.current").is_visible()
+    assert "2 motions among 60 tracks" in page.inner_text("h1")
+    assert page.locator("#track-table tbody tr").count() == 25
+    assert page.locator("#player").is_hidden()
+    context.close()
+
+
+def test_a_big_sequence_is_small_enough_and_answers_at_once(open_page):
+    report = many_tracks(tracks=5000, frames=30)
+    assert len(render_page(report).encode()) <= 8_000_000
+    opened = open_page(report)
+    page = opened.page
+    answer = """async (box) => {
+        const input = document.querySelector(box);
+        const start = performance.now();
+        input.click();
+        await new Promise((done) => requestAnimationFrame(() => setTimeout(done)));
+        return performance.now() - start; }"""
+    page.wait_for_timeout(500)
+    times = [page.evaluate(answer, "#labels input[data-label='1']") for _ in range(6)]
+    assert np.median(times) <= 100
+    start = time.perf_counter()
+    page.fill("#slider", "17")
+    assert time.perf_counter() - start < 2
+    opened.clean()
