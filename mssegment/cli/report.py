@@ -17,7 +17,14 @@ from mssegment.cli.common import (
 from mssegment.configuration import Setting, resolve
 from mssegment.documents import SegmentationDocument
 
-KEYS = ("report.labels", "report.label_radius", "report.pictures", "report.html")
+KEYS = (
+    "report.labels",
+    "report.label_radius",
+    "report.pictures",
+    "report.picture_format",
+    "report.regions",
+    "report.html",
+)
 
 
 @click.command(

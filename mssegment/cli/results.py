@@ -73,9 +73,10 @@ class Results:
         written = {"report.json": self.json()}
         settings = self.configuration.report
         if settings.pictures:
-            from mssegment.rendering.pictures import render_pictures
+            from mssegment.rendering.pictures import USUAL, render_pictures
 
-            written |= render_pictures(self.report)
+            kinds = (*USUAL, "regions") if settings.regions else USUAL
+            written |= render_pictures(self.report, settings.picture_format, kinds)
         if settings.html:
             from mssegment.rendering.page import render_page
 

@@ -173,6 +173,12 @@ class ReportSettings(Section, frozen=True):
         float, Meta(gt=0, description="A labelled point counts for a track within this, pixels.")
     ] = 3.0
     pictures: Annotated[bool, Meta(description="Draw the annotated pictures.")] = True
+    picture_format: Annotated[
+        Literal["png", "jpg", "svg"], Meta(description="Format of the pictures.")
+    ] = "png"
+    regions: Annotated[
+        bool, Meta(description="Also dense regions per motion, along the edges of the picture.")
+    ] = False
     html: Annotated[bool, Meta(description="Write report.html.")] = True
 
 
