@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import os
 import shutil
+import threading
 import time
 from pathlib import Path
 
@@ -16,7 +17,9 @@ import pytest
 from rendering_samples import affine_report, many_tracks
 
 from mssegment.records import Frame
+from mssegment.rendering.labelling import LabelServer
 from mssegment.rendering.page import render_page
+from mssegment.truth import true_labels
 
 playwright = pytest.importorskip("playwright.sync_api", reason="pip install '.[browser]'")
 
@@ -255,3 +258,58 @@ def test_a_big_sequence_is_small_enough_and_answers_at_once(open_page):
     page.fill("#slider", "17")
     assert time.perf_counter() - start < 2
     opened.clean()
+
+
+@pytest.fixture
+def label_server(tmp_path):
+    report = affine_report()
+    folder = str(tmp_path / "labels")
+    with LabelServer(report.frames, report.pictures, folder) as server:
+        threading.Thread(target=server.serve_forever, args=(0.02,), daemon=True).start()
+        yield server
+        server.shutdown()
+
+
+def draw_polygon(page, corners, width):
+    box = page.locator("#stage").bounding_box()
+    ratio = box["width"] / width
+    for x, y in corners:
+        page.mouse.click(box["x"] + (x + 0.5) * ratio, box["y"] + (y + 0.5) * ratio)
+    page.keyboard.press("Enter")
+
+
+def test_two_polygons_drawn_by_hand_become_the_truth_of_a_report(browser, label_server):
+    report = affine_report(truth=False)
+    page = browser.new_page(viewport={"width": 1200, "height": 900})
+    complaints: list[str] = []
+    page.on("console", lambda m: complaints.append(m.text) if m.type == "error" else None)
+    page.on("pageerror", lambda error: complaints.append(str(error)))
+    page.goto(label_server.url)
+    page.wait_for_load_state("networkidle")
+    draw_polygon(page, [(38, 58), (122, 58), (122, 122), (38, 122)], report.frames[0].width)
+    page.select_option("#label", "2")
+    page.focus("#stage")
+    draw_polygon(page, [(198, 98), (282, 98), (282, 202), (198, 202)], report.frames[0].width)
+    assert page.locator("#list li").count() == 2
+    page.click("#save")
+    page.wait_for_selector("#status:has-text('saved')")
+    assert complaints == []
+    page.close()
+    mask = str(label_server.folder / "mask-1.png")
+    truth = true_labels([mask], report.tracks, report.frames, 3.0)
+    labels = report.labels
+    assert (truth[labels == 1] == 1).all()
+    assert (truth[labels == 2] == 2).all()
+
+
+def test_a_polygon_can_be_drawn_with_the_keyboard_alone(browser, label_server):
+    page = browser.new_page()
+    page.goto(label_server.url)
+    page.wait_for_selector("#stage:focus")
+    for key in ["3", "Space", *["ArrowRight"] * 3, "Space", *["ArrowDown"] * 3, "Space", "Enter"]:
+        page.keyboard.press(key)
+    assert "motion 3, 3 corners" in page.inner_text("#list")
+    page.keyboard.press("s")
+    page.wait_for_selector("#status:has-text('saved')")
+    page.close()
+    assert (label_server.folder / "mask-1.png").exists()
