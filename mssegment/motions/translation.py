@@ -12,7 +12,7 @@ from mssegment.records import Camera, Coordinates, Floats
 
 LEAST_SINE = 0.01
 """Sine of the angle between the two rows below which their cross product is noise."""
-SAMPSON_ROUNDS = 3
+GAUSS_NEWTON_ROUNDS = 8
 
 
 class Translation(MotionModel):
@@ -58,14 +58,29 @@ class Translation(MotionModel):
         return (axis / np.linalg.norm(axis, axis=-1, keepdims=True))[..., None], sound
 
     def fit(self, observed: Floats, weights: Floats) -> tuple[Floats, Flags]:
-        """Least squares of the Sampson distance: (25) reweighted by its own gradient."""
+        """Least squares of the Sampson distance: (25) first, then Gauss-Newton on the sphere.
+
+        (25) weighs a match by its distance from the epipole and is biased; a damped step that
+        would raise the error is not taken.
+        """
         points, sound = self.algebraic_fit(observed, weights)
-        for _ in range(SAMPSON_ROUNDS):
-            square = _gradient_square(points, observed)
-            # relative weights keep the eigenproblem well scaled
-            share = weights * np.median(square, axis=1, keepdims=True) / np.maximum(square, 1e-12)
-            points, sound = self.algebraic_fit(observed, share)
-        return points, sound
+        direction, rows = points[..., 0], constraint_rows(observed)
+        damping = np.full(len(weights), 1e-3)
+        error, jacobian = _sampson(direction, observed, rows)
+        cost = (weights * error**2).sum(axis=1)
+        for _ in range(GAUSS_NEWTON_ROUNDS):
+            step = _sphere_step(direction, weights, error, jacobian, damping)
+            proposed = direction + step
+            proposed /= np.linalg.norm(proposed, axis=1, keepdims=True)
+            new_error, new_jacobian = _sampson(proposed, observed, rows)
+            new_cost = (weights * new_error**2).sum(axis=1)
+            better = new_cost < cost
+            direction = np.where(better[:, None], proposed, direction)
+            error = np.where(better[:, None], new_error, error)
+            jacobian = np.where(better[:, None, None], new_jacobian, jacobian)
+            cost = np.where(better, new_cost, cost)
+            damping = np.where(better, damping / 10, damping * 10)
+        return direction[..., None], sound
 
     def algebraic_fit(self, observed: Floats, weights: Floats) -> tuple[Floats, Flags]:
         """The direction that minimizes the weighted square of (25)."""
@@ -78,7 +93,7 @@ class Translation(MotionModel):
     def residuals(self, points: Floats, observed: Floats, coordinates: Coordinates) -> Floats:
         """Sampson distance from the epipolar constraint, pixels [B, P]."""
         error = np.abs(points[:, :, 0] @ constraint_rows(observed).T)
-        gradient = np.sqrt(np.maximum(_gradient_square(points, observed), 1e-18))
+        gradient = np.sqrt(np.maximum(_gradient_square(points[..., 0], observed), 1e-18))
         return np.asarray(error / gradient * coordinates.scale)
 
     def algebraic_residuals(
@@ -100,14 +115,46 @@ def constraint_rows(observed: Floats) -> Floats:
     return np.stack([y1 - y2, x2 - x1, x1 * y2 - y1 * x2], axis=-1)
 
 
-def _gradient_square(points: Floats, observed: Floats) -> Floats:
+def _gradient_square(directions: Floats, observed: Floats) -> Floats:
     """Squared gradient of (25) by the four coordinates of a match, [B, P]."""
-    t = points[:, None, :, 0]
-    total = np.zeros((len(points), len(observed)))
+    t = directions[:, None, :]
+    total = np.zeros((len(directions), len(observed)))
     for view in (0, 1):
         x, y = observed[:, view, 0], observed[:, view, 1]
         total += (t[..., 2] * y - t[..., 1]) ** 2 + (t[..., 2] * x - t[..., 0]) ** 2
     return total
+
+
+def _sampson(directions: Floats, observed: Floats, rows: Floats) -> tuple[Floats, Floats]:
+    """Signed Sampson distances [B, P] and their derivatives by the direction [B, P, 3]."""
+    square = np.maximum(_gradient_square(directions, observed), 1e-18)
+    length = np.sqrt(square)
+    error = directions @ rows.T / length
+    t = directions[:, None, :]
+    half_slope = np.zeros((*square.shape, 3))
+    for view in (0, 1):
+        x, y = observed[:, view, 0], observed[:, view, 1]
+        across, down = t[..., 2] * x - t[..., 0], t[..., 2] * y - t[..., 1]
+        half_slope[..., 0] -= across
+        half_slope[..., 1] -= down
+        half_slope[..., 2] += across * x + down * y
+    jacobian = rows / length[..., None] - (error / square)[..., None] * half_slope
+    return error, jacobian
+
+
+def _sphere_step(
+    directions: Floats, weights: Floats, error: Floats, jacobian: Floats, damping: Floats
+) -> Floats:
+    """The damped Gauss-Newton step [B, 3] in the tangent planes of the ``directions``."""
+    outwards = directions[:, :, None] * directions[:, None, :]
+    project = np.eye(3) - outwards
+    weighted = np.swapaxes(jacobian * weights[..., None], 1, 2)
+    normal = project @ (weighted @ jacobian) @ project
+    side = project @ (weighted @ error[..., None])
+    trace = np.trace(normal, axis1=1, axis2=2)[:, None, None] + 1e-300
+    # the direction itself is a null vector: give it any curvature
+    normal = normal + trace * (damping[:, None, None] * np.eye(3) + outwards)
+    return np.asarray(-np.linalg.solve(normal, side)[..., 0])
 
 
 def _rays(observed: Floats) -> Floats:

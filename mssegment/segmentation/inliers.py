@@ -1,0 +1,84 @@
+"""Inliers of a motion without a user's threshold, after the paper's reference [16].
+
+The residuals of all tracks from one motion are a one-dimensional sample. Its kernel density has a
+mode near zero, made by the inliers; they are the basin of that mode, up to the first minimum. The
+density is that of *log* residuals: a bandwidth in pixels that suits all tracks (n^(-1/5) MAD, as
+published) is far too wide for the inliers when most tracks belong to other motions, whereas the
+spread of the logarithm of a noise does not depend on its size.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.special import polygamma
+
+from mssegment.motions import Flags
+from mssegment.records import Floats
+from mssegment.segmentation.selection import View
+
+GRID = 0.02
+"""Step of the grid of log residuals (2 % of a residual)."""
+LEAST_RESIDUAL = 1e-3
+"""Pixels; smaller residuals are those of the elemental subset itself."""
+SPARE = 3
+"""Inliers that a motion needs beyond an elemental subset."""
+ROUNDS = 10
+
+
+@dataclass(frozen=True)
+class Fitted:
+    """A motion fitted to the basin of its own residuals: inliers [P] and residuals [P] (pixels)."""
+
+    point: Floats
+    inliers: Flags
+    residuals: Floats
+
+
+def log_spread(dimension: int) -> float:
+    """Bandwidth for the density of log residuals: the spread of the logarithm of pure noise.
+
+    That is sqrt(psi'(c/2)) / 2 for c dimensions. One-dimensional noise has a long tail towards
+    zero, but the flank that the minimum bounds is no wider than in two dimensions.
+    """
+    return 0.5 * float(np.sqrt(polygamma(1, max(dimension, 2) / 2)))
+
+
+def first_minimum(residuals: Floats, dimension: int, least: int) -> float:
+    """The residual (pixels) at which the basin of the residual mode ends.
+
+    The first minimum of the density of the log ``residuals`` [P] with at least ``least`` tracks
+    below it; infinite where the density has none.
+    """
+    logs = np.sort(np.log(np.maximum(residuals, LEAST_RESIDUAL)))
+    logs = logs[np.isfinite(logs)]
+    if len(logs) <= least:
+        return float("inf")
+    bandwidth = log_spread(dimension)
+    # below the least-th residual no minimum counts
+    grid = np.arange(logs[least - 1] - GRID, logs[-1] + GRID, GRID)
+    density = np.exp(-0.5 * ((grid[:, None] - logs) / bandwidth) ** 2).sum(axis=1)
+    rising = np.diff(density) > 0
+    minima = np.flatnonzero(~rising[:-1] & rising[1:]) + 1
+    return float(np.exp(grid[minima[0]])) if len(minima) else float("inf")
+
+
+def fit_to_basin(view: View, point: Floats) -> Fitted | None:
+    """Alternates inliers and least squares from the motion ``point`` until the inliers stay.
+
+    None where the motion loses its inliers on the way.
+    """
+    least = view.model.subset_size + SPARE
+    residuals = view.residuals(point[None])[0]
+    inliers = np.zeros(len(residuals), dtype=np.bool_)
+    for _ in range(ROUNDS):
+        before = inliers
+        inliers = residuals <= first_minimum(residuals, view.model.residual_dimension, least)
+        if np.array_equal(inliers, before):
+            break
+        points, sound = view.fit(inliers[None].astype(np.float64))
+        if inliers.sum() < least or not sound[0]:
+            return None
+        point, residuals = points[0], view.residuals(points)[0]
+    return Fitted(point, np.asarray(inliers), residuals)

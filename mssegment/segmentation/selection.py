@@ -1,0 +1,82 @@
+"""What a selection is: from the modes of the hypotheses to the motions that are there.
+
+``dominance`` is the paper's (the densest modes before the largest gap), ``mdl`` takes the modes as
+candidates for the shortest description of all tracks. A further one is a function from
+:class:`Problem` to :class:`Choice` and one line in ``segmentation.SELECTIONS``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from mssegment.motions import Flags, MotionModel
+from mssegment.records import Floats, HypothesisSet, Mode
+
+Granularity = Literal["object", "surface", "auto"]
+
+
+@dataclass(frozen=True)
+class View:
+    """One set of hypotheses with the tracks as its model sees them: ``observed`` [P, F, 2]."""
+
+    hypotheses: HypothesisSet
+    model: MotionModel
+    observed: Floats
+
+    def residuals(self, points: Floats) -> Floats:
+        """Residuals [B, P] in pixels of the tracks from the motions ``points`` [B, ...]."""
+        return self.model.residuals(points, self.observed, self.hypotheses.coordinates)
+
+    def fit(self, weights: Floats) -> tuple[Floats, Flags]:
+        """Least-squares motions under the weights [B, P], and which are sound."""
+        return self.model.fit(self.observed, weights)
+
+
+@dataclass(frozen=True)
+class Problem:
+    """The tracks to explain and the modes to explain them with.
+
+    ``points`` [P, F, 2] are the complete, eligible tracks in pixels; ``views`` belong to the sets;
+    ``modes`` are strongest first and name their set. ``motions`` is the number of motions, None
+    where it must be found, then at least ``min_motions``.
+    """
+
+    points: Floats
+    views: tuple[View, ...]
+    modes: tuple[Mode, ...]
+    motions: int | None
+    min_motions: int
+    granularity: Granularity
+    rng: np.random.Generator
+
+
+@dataclass(frozen=True)
+class Chosen:
+    """A motion that a selection found: its point on the manifold of set ``set`` and its inliers.
+
+    ``mode`` is the index of the mode it grew from, ``scale`` the standard deviation of its
+    residuals in pixels, ``cost_saved`` in nats where the selection reckons with it. A track may be
+    an inlier of two motions: it goes to the one with the smaller residual.
+    """
+
+    set: int
+    point: Floats
+    inliers: Flags
+    mode: int | None
+    scale: float
+    cost_saved: float | None = None
+
+
+@dataclass(frozen=True)
+class Choice:
+    """The motions that a selection found, and what the user should know about it."""
+
+    motions: tuple[Chosen, ...]
+    notes: tuple[str, ...] = ()
+
+
+Selection = Callable[[Problem], Choice]
