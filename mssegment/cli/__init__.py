@@ -23,6 +23,7 @@ COMMANDS: dict[str, str] = {
     "cluster": "Mean shift over the hypotheses: modes, motions, one label per track.",
     "report": "Tables, pictures, and the comparison with manual labels.",
     "import": "Tracks from a CSV or a published data set.",
+    "label": "Manual labels: draw polygons over the frames in a local page.",
     "init": "A commented config.yaml to start from.",
 }
 """Every command with its one-line help; its module is ``cli/<name>.py`` (``import_tracks.py``)."""
