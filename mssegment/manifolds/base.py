@@ -23,8 +23,8 @@ Array = npt.NDArray[np.floating[Any]]
 
 Precision = np.dtype[np.floating[Any]]
 
-CACHE_NUMBERS = 1 << 17
-"""Numbers of one intermediate array that stay in a core's cache (1 MB in double precision)."""
+CACHE_NUMBERS = 1 << 18
+"""Numbers of one intermediate array that stay in a core's cache (1 MB in single precision)."""
 
 
 class View(ABC):
@@ -37,10 +37,10 @@ class View(ABC):
     z: Array
 
     @abstractmethod
-    def weighted_sum(self, weights: Array) -> Floats:
-        """Sum over the n points of ``weights`` [m, n] times -1/2 grad d^2: tangents [m, ...].
+    def weighted_sum(self, weights: Array) -> tuple[Floats, Floats]:
+        """Sum over the n points of ``weights`` [m, n] times -1/2 grad d^2, and of the weights.
 
-        The numerator of the mean shift vector (9), without the bandwidth.
+        Tangents [m, ...] and numbers [m]: numerator and denominator of the mean shift vector (9).
         """
 
 
@@ -159,9 +159,8 @@ class Manifold(ABC):
 
         ``w`` [m, n] are the weights g(d^2 / h^2); a row of zeros gives the zero tangent.
         """
-        total = _per_point(np.sum(w, axis=1), self)
-        summed = self.cloud(y).seen_from(x).weighted_sum(np.asarray(w, dtype=np.float64))
-        return np.divide(summed, total, out=np.zeros_like(summed), where=total > 0)
+        summed, total = self.cloud(y).seen_from(x).weighted_sum(np.asarray(w, dtype=np.float64))
+        return _per_point(1.0 / np.where(total > 0, total, 1.0), self) * summed
 
     def check_point(self, x: Floats, tolerance: float = 1e-6) -> None:
         """Raise DataError, naming the first offender, unless all ``x`` [...] are points."""
@@ -201,8 +200,9 @@ class _LogView(View):
         self.z = (cloud.manifold.dist(at, to) / cloud.bandwidth) ** 2
         self._pull = cloud.manifold.attraction(at, to)
 
-    def weighted_sum(self, weights: Array) -> Floats:
-        return np.asarray(np.einsum("mn,mn...->m...", weights.astype(np.float64), self._pull))
+    def weighted_sum(self, weights: Array) -> tuple[Floats, Floats]:
+        double = weights.astype(np.float64)
+        return np.einsum("mn,mn...->m...", double, self._pull), double.sum(axis=1)
 
 
 def precision(precise: bool, magnitude: float, bandwidth: float) -> Precision | None:

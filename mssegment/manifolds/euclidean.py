@@ -115,6 +115,7 @@ class _EuclideanView(View):
         rows = np.concatenate([unit, norms, np.ones_like(norms)], axis=1).astype(cloud.dtype)
         self.z = np.maximum(rows @ cloud.columns, 0)
 
-    def weighted_sum(self, weights: Array) -> Floats:
+    def weighted_sum(self, weights: Array) -> tuple[Floats, Floats]:
         sums = (weights.astype(self._cloud.dtype, copy=False) @ self._cloud.points).astype(float)
-        return np.asarray(self._cloud.bandwidth * (sums[:, :-1] - self._unit * sums[:, -1:]))
+        total = sums[:, -1]
+        return self._cloud.bandwidth * (sums[:, :-1] - self._unit * total[:, None]), total

@@ -7,6 +7,9 @@ The distance is (12), which the paper calls arc length; it is the projection (or
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from math import factorial
+
 import numpy as np
 
 from mssegment.errors import ConfigurationError
@@ -23,8 +26,8 @@ from mssegment.manifolds.base import (
 )
 from mssegment.records import Floats
 
-SERIES = 9
-"""Terms of the cosine and sine series: 1e-16 for arguments up to 1."""
+ROUNDING = 1e-17
+"""Terms of the cosine and sine series below this are left out."""
 
 
 class Grassmann(Manifold):
@@ -64,10 +67,11 @@ class Grassmann(Manifold):
 
         Both are entire functions of the k x k matrix G. One Newton-Schulz step keeps x'x = I.
         """
-        cosine, sinc = _cos_sinc(_t(v) @ v)
-        moved = x @ cosine + v @ sinc
-        eye = np.eye(self.k)
-        return np.asarray(moved @ (1.5 * eye - 0.5 * (_t(moved) @ moved)))
+        product = np.multiply if self.k == 1 else np.matmul
+        cosine, sinc = _cos_sinc(_t(v) @ v, product)
+        moved = product(x, cosine) + product(v, sinc)
+        gram = _t(moved) @ moved
+        return np.asarray(product(moved, 1.5 * np.eye(self.k) - 0.5 * gram))
 
     def log(self, x: Floats, y: Floats) -> Floats:
         """The geodesic logarithm, by the SVD of y'x; defined up to principal angles of pi/2."""
@@ -133,34 +137,39 @@ class Grassmann(Manifold):
 
 
 class _ProjectorCloud(Cloud):
-    """Every point as the upper triangle of yy', with sqrt 2 off the diagonal.
+    """Every point as the upper triangle of yy', with sqrt 2 off the diagonal, and a 1.
 
     Then tr(x'yy'x) is a dot product: all z of a block are one matrix product (the k of (12) and
-    the bandwidth are folded into it), and the weighted sum of (14) is a second one.
+    the bandwidth are folded into it), and the sums of (14) are a second one.
     """
 
     def __init__(self, manifold: Grassmann, y: Floats, bandwidth: float, dtype: Precision) -> None:
         self.size, self.bandwidth = len(y), bandwidth
         self.rows = max(1, CACHE_NUMBERS // max(1, self.size))
         self.dtype = dtype
-        self.n = manifold.n
-        self.upper = np.triu_indices(self.n)
-        self.factor = np.where(self.upper[0] == self.upper[1], 1.0, np.sqrt(2.0))
-        self.projectors = self.embed(y).astype(self.dtype)
-        k = np.full((self.size, 1), float(manifold.k))
-        columns = np.concatenate([-self.projectors, k], axis=1) / bandwidth**2
-        self.columns = np.ascontiguousarray(columns.T, dtype=self.dtype)
+        self.n = n = manifold.n
+        above = np.triu_indices(n)
+        self.upper = above[0] * n + above[1]
+        self.factor = np.where(above[0] == above[1], 1.0, np.sqrt(2.0))
+        self.place = np.empty((n, n), dtype=np.intp)
+        self.place[above] = self.place[above[::-1]] = np.arange(len(self.upper))
+        self.projectors = self.embed(y)
+        folded = np.append(np.full(len(self.upper), -1.0), float(manifold.k)) / bandwidth**2
+        self.columns = np.ascontiguousarray((self.projectors * folded.astype(dtype)).T)
 
-    def embed(self, x: Floats) -> Floats:
-        """The upper triangle of xx' [m, N (N + 1) / 2]."""
-        return np.asarray((x @ _t(x))[:, self.upper[0], self.upper[1]] * self.factor)
+    def embed(self, x: Floats) -> Array:
+        """The upper triangle of xx' and a 1, [m, N (N + 1) / 2 + 1]."""
+        out = np.ones((len(x), len(self.upper) + 1), dtype=self.dtype)
+        square = (x @ _t(x)).reshape(len(x), self.n**2)
+        np.multiply(
+            square.take(self.upper, axis=1), self.factor, out=out[:, :-1], casting="same_kind"
+        )
+        return out
 
     def unfold(self, flat: Array) -> Floats:
         """The symmetric matrices [m, N, N] whose embedding ``flat`` is."""
-        square = np.empty((len(flat), self.n, self.n))
-        square[:, self.upper[0], self.upper[1]] = flat / self.factor
-        square[:, self.upper[1], self.upper[0]] = square[:, self.upper[0], self.upper[1]]
-        return square
+        scaled = flat[:, :-1] / self.factor
+        return scaled.take(self.place.ravel(), axis=1).reshape(len(flat), self.n, self.n)
 
     def seen_from(self, x: Floats) -> View:
         return _ProjectorView(self, x)
@@ -169,13 +178,11 @@ class _ProjectorCloud(Cloud):
 class _ProjectorView(View):
     def __init__(self, cloud: _ProjectorCloud, x: Floats) -> None:
         self._cloud, self._x = cloud, x
-        rows = np.ones((len(x), len(cloud.columns)), dtype=cloud.dtype)
-        rows[:, :-1] = cloud.embed(x)
-        self.z = rows @ cloud.columns
+        self.z = cloud.embed(x) @ cloud.columns
 
-    def weighted_sum(self, weights: Array) -> Floats:
-        summed = weights.astype(self._cloud.dtype, copy=False) @ self._cloud.projectors
-        return _off(self._x, self._cloud.unfold(summed) @ self._x)
+    def weighted_sum(self, weights: Array) -> tuple[Floats, Floats]:
+        sums = weights.astype(self._cloud.dtype, copy=False) @ self._cloud.projectors
+        return _off(self._x, self._cloud.unfold(sums) @ self._x), sums[:, -1].astype(np.float64)
 
 
 def _t(x: Floats) -> Floats:
@@ -187,17 +194,18 @@ def _off(x: Floats, v: Floats) -> Floats:
     return np.asarray(v - x @ (_t(x) @ v))
 
 
-def _cos_sinc(gram: Floats) -> tuple[Floats, Floats]:
+def _cos_sinc(gram: Floats, product: Callable[..., Floats]) -> tuple[Floats, Floats]:
     """cos(sqrt G) and sinc(sqrt G) of symmetric k x k matrices: Horner's rule, then doubling."""
     largest = float(np.max(np.trace(gram, axis1=-2, axis2=-1), initial=0.0))
     halvings = max(0, int(np.ceil(0.5 * np.log2(largest)))) if largest > 1.0 else 0
-    small = gram / 4.0**halvings
+    small, bound = gram / 4.0**halvings, largest / 4.0**halvings
+    terms = next(i for i in range(1, 12) if bound**i / factorial(2 * i) < ROUNDING)
     eye = np.eye(gram.shape[-1])
     cosine = sinc = eye
-    for i in range(SERIES, 0, -1):
-        cosine = eye - small @ cosine / ((2 * i - 1) * (2 * i))
-        sinc = eye - small @ sinc / ((2 * i) * (2 * i + 1))
+    for i in range(terms, 0, -1):
+        cosine = eye - product(small, cosine) / ((2 * i - 1) * (2 * i))
+        sinc = eye - product(small, sinc) / ((2 * i) * (2 * i + 1))
     for _ in range(halvings):
-        sinc = sinc @ cosine
-        cosine = 2.0 * cosine @ cosine - eye
+        sinc = product(sinc, cosine)
+        cosine = 2.0 * product(cosine, cosine) - eye
     return np.broadcast_to(cosine, gram.shape), np.broadcast_to(sinc, gram.shape)

@@ -173,11 +173,11 @@ class _GroupView(View):
         self._log = group.algebra_log(np.ascontiguousarray(np.moveaxis(ratio, 2, 1)))
         self.z = _length2(self._log) / cloud.bandwidth**2
 
-    def weighted_sum(self, weights: Array) -> Floats:
+    def weighted_sum(self, weights: Array) -> tuple[Floats, Floats]:
         group = self._cloud.group
         pull = group.pull_of(self._log)
         sums = np.einsum("mn,ijmn->ijm", weights, np.nan_to_num(pull, nan=0.0, copy=False))
-        return np.asarray(self._x @ group._last(sums))
+        return self._x @ group._last(sums), weights.sum(axis=1)
 
 
 def _solve(x: Floats, y: Floats) -> Floats:

@@ -14,12 +14,16 @@ from mssegment.records import Floats, Integers
 
 FOLLOW_WITHIN = 0.1
 """A trajectory this near (in bandwidths) to a denser one follows it."""
-WAY_TOLERANCE, MODE_TOLERANCE = 1e-2, 1e-6
-"""Shift (in bandwidths) below which a trajectory, or a mode at the end, stands still."""
+STRAGGLERS = 50
+"""When only one in so many still moves, the modes found so far join them on the last climb."""
+WAY_TOLERANCE, MODE_TOLERANCE = 1e-2, 1e-4
+"""The distance (in bandwidths) from its mode at which a trajectory, or a mode, stands still."""
 PERTURBATION = 0.1
 """A mode is moved by this many bandwidths; a saddle point does not come back."""
 ISOLATED = 1e-2
-"""A mode with less company than this (kernel sum without its own point) cannot be a saddle."""
+"""Where the kernel sum without the own point is less than this, the point is a mode by itself.
+
+It cannot be a saddle, nothing else can end there, and its trajectory hardly moves."""
 
 
 class MeanShift:
@@ -86,7 +90,7 @@ class MeanShift:
             raise DataError("mean shift needs at least 1 hypothesis, found none")
         self.manifold.check_point(points)
         self.bandwidth_ = self._choose_bandwidth(points, rng)
-        way = self._ascend(points, points, WAY_TOLERANCE, precise=False, follow=FOLLOW_WITHIN)
+        way = self._ascend(points, points, WAY_TOLERANCE, follow=True)
         self.n_iter_ = way.iterations
         modes, densities, labels = self._find_modes(points, way, rng)
         self._rank(modes, densities, labels)
@@ -107,7 +111,12 @@ class MeanShift:
         return float(self.bandwidth)
 
     def _ascend(
-        self, points: Floats, starts: Floats, tolerance: float, precise: bool, follow: float = 0.0
+        self,
+        points: Floats,
+        starts: Floats,
+        tolerance: float,
+        precise: bool = False,
+        follow: bool = False,
     ) -> Ascent:
         cloud = self.manifold.cloud(points, self.bandwidth_, precise)
         return ascend(
@@ -118,53 +127,47 @@ class MeanShift:
             starts,
             tolerance,
             self.max_iterations,
-            follow,
-            self.record and not precise,
+            follow_within=FOLLOW_WITHIN if follow else 0.0,
+            until=len(starts) // STRAGGLERS if follow else 0,
+            record=self.record and follow,
         )
 
     def _find_modes(
         self, points: Floats, way: Ascent, rng: np.random.Generator
     ) -> tuple[Floats, Floats, Integers]:
-        """Distinct modes in double precision, their densities, and the mode of each point."""
+        """Distinct modes in double precision, their densities, and the mode of each point.
+
+        Isolated ends stay as they are. The others, merged, climb on together with a perturbed copy
+        of each: a saddle is an end whose copy goes elsewhere, and gives way to where that arrives.
+        """
         last = way.last_leader()
         ends, place = np.unique(last, return_inverse=True)
-        kept, joined = merge(
-            self.manifold, way.x[ends], way.density[ends], FOLLOW_WITHIN * self.bandwidth_
+        lonely = (way.density[ends] * len(points) < 1.0 + ISOLATED) & way.converged[ends]
+        alone, social = ends[lonely], ends[~lonely]
+        x, _, joined = self._merge(way.x[social], way.density[social], FOLLOW_WITHIN)
+        push = PERTURBATION * self.bandwidth_ * self.manifold.random_tangent(x, rng)
+        both = np.concatenate([x, self.manifold.exp(x, push)])
+        arrived = self._ascend(points, both, WAY_TOLERANCE)
+        x, copy = np.split(arrived.x, 2)
+        saddle = self.manifold.dist(x, copy) > 0.5 * self.bandwidth_
+        x[saddle] = copy[saddle]
+        density = np.where(saddle, *np.split(arrived.density, 2)[::-1])
+        x, _, joined_later = self._merge(x, density, FOLLOW_WITHIN)
+        polished = self._ascend(points, x, MODE_TOLERANCE, precise=True)
+        x, density, joined_last = self._merge(polished.x, polished.density, self.merge_within)
+        mode_of_end = np.empty(len(ends), dtype=np.int64)
+        mode_of_end[~lonely] = joined_last[joined_later[joined]]
+        mode_of_end[lonely] = len(x) + np.arange(len(alone))
+        return (
+            np.concatenate([x, way.x[alone]]),
+            np.concatenate([density, way.density[alone]]),
+            mode_of_end[place],
         )
-        polished = self._ascend(points, way.x[ends[kept]], MODE_TOLERANCE, precise=True)
-        modes, densities, labels = self._merge(polished, joined[place])
-        labels[~way.converged[last]] = -1
-        away = self._leave_saddles(points, modes, densities, rng)
-        if away is not None:
-            modes, densities, labels = self._merge(away, labels)
-        return modes, densities, labels
 
-    def _merge(self, ends: Ascent, labels: Integers) -> tuple[Floats, Floats, Integers]:
-        kept, joined = merge(
-            self.manifold, ends.x, ends.density, self.merge_within * self.bandwidth_
-        )
-        relabelled = np.where(labels >= 0, joined[labels], -1)
-        return ends.x[kept], ends.density[kept], relabelled
-
-    def _leave_saddles(
-        self, points: Floats, modes: Floats, densities: Floats, rng: np.random.Generator
-    ) -> Ascent | None:
-        """Perturb the modes and climb again; where a saddle went, or None if there is none."""
-        doubtful = np.flatnonzero(densities * len(points) > 1.0 + ISOLATED)
-        if not doubtful.size:
-            return None
-        push = self.manifold.random_tangent(modes[doubtful], rng)
-        pushed = self.manifold.exp(modes[doubtful], PERTURBATION * self.bandwidth_ * push)
-        again = self._ascend(points, pushed, WAY_TOLERANCE, precise=True)
-        left = self.manifold.dist(again.x, modes[doubtful]) > 0.5 * self.bandwidth_
-        if not left.any():
-            return None
-        whole = Ascent.from_starts(modes)
-        whole.density[:] = densities
-        saddles = doubtful[left]
-        arrived = self._ascend(points, again.x[left], MODE_TOLERANCE, precise=True)
-        whole.x[saddles], whole.density[saddles] = arrived.x, arrived.density
-        return whole
+    def _merge(self, x: Floats, density: Floats, within: float) -> tuple[Floats, Floats, Integers]:
+        """The distinct ones of ``x``, their densities, and which one each became."""
+        kept, joined = merge(self.manifold, x, density, within * self.bandwidth_)
+        return x[kept], density[kept], joined
 
     def _rank(self, modes: Floats, densities: Floats, labels: Integers) -> None:
         """Keep the modes that enough trajectories reach, densest first."""
@@ -177,7 +180,7 @@ class MeanShift:
         self.labels_ = place[labels]
 
     def _paths(self, way: Ascent) -> list[Floats]:
-        """Each trajectory [steps, ...]; it ends at its mode, that of a follower by way of leaders."""
+        """Each trajectory [steps, ...]; it ends at its mode, a follower via its leaders."""
         paths: list[list[Floats]] = [[] for _ in way.x]
         for moving, x in way.history or []:
             for i, place in zip(moving, x, strict=True):

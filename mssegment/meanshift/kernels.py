@@ -20,10 +20,10 @@ class Kernel(ABC):
         """k(z)."""
 
     @abstractmethod
-    def weigh(self, z: Array) -> tuple[Array, Array]:
-        """The row sums of k(z) [m] and the weights g(z) [m, n], up to one constant factor.
+    def weigh(self, z: Array) -> tuple[Array, Array | None]:
+        """The weights g(z) [m, n], up to a constant factor, and the row sums of k(z) [m].
 
-        ``z`` may be overwritten.
+        None instead of the sums where they are those of the weights. ``z`` may be overwritten.
         """
 
 
@@ -36,11 +36,10 @@ class Gaussian(Kernel):
         """exp(-z / 2)."""
         return np.asarray(np.exp(-0.5 * z))
 
-    def weigh(self, z: Array) -> tuple[Array, Array]:
+    def weigh(self, z: Array) -> tuple[Array, Array | None]:
         """k and g are the same up to the factor 2."""
         z *= -0.5
-        weights = np.exp(z, out=z)
-        return weights.sum(axis=1), weights
+        return np.exp(z, out=z), None
 
 
 class TruncatedGaussian(Kernel):
@@ -54,12 +53,12 @@ class TruncatedGaussian(Kernel):
         edge = np.exp(-0.5 * self.reach**2)
         return np.asarray(np.maximum(np.exp(-0.5 * z) - edge, 0) / (1 - edge))
 
-    def weigh(self, z: Array) -> tuple[Array, Array]:
+    def weigh(self, z: Array) -> tuple[Array, Array | None]:
         """g is the Gaussian inside the reach, 0 outside."""
         inside = z < self.reach**2
         weights = np.exp(-0.5 * z) * inside
         edge = float(np.exp(-0.5 * self.reach**2))
-        return (weights.sum(axis=1) - edge * inside.sum(axis=1)) / (1 - edge), weights
+        return weights, (weights.sum(axis=1) - edge * inside.sum(axis=1)) / (1 - edge)
 
 
 class Epanechnikov(Kernel):
@@ -71,9 +70,9 @@ class Epanechnikov(Kernel):
         """max(0, 1 - z)."""
         return np.asarray(np.maximum(1.0 - z, 0))
 
-    def weigh(self, z: Array) -> tuple[Array, Array]:
+    def weigh(self, z: Array) -> tuple[Array, Array | None]:
         """g is 1 inside the bandwidth, 0 outside."""
-        return self.profile(z).sum(axis=1), (z < 1).astype(z.dtype)
+        return (z < 1).astype(z.dtype), self.profile(z).sum(axis=1)
 
 
 KERNELS: dict[str, Kernel] = {k.name: k for k in (Gaussian(), TruncatedGaussian(), Epanechnikov())}

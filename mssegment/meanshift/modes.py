@@ -1,4 +1,4 @@
-"""From the ends of trajectories to modes: merged, without saddle points, ranked."""
+"""From the ends of trajectories to distinct modes."""
 
 from __future__ import annotations
 
@@ -13,18 +13,20 @@ def merge(
 ) -> tuple[Integers, Integers]:
     """The distinct ones of ``x`` [n, ...], densest first, and for each point its place among them.
 
-    Going down in density, a point within ``within`` of a kept one joins the nearest such;
-    otherwise it is kept. Returns the indices of the kept [m] and the assignment [n].
+    Going down in density, a point nearer than ``within`` to one that is kept joins the densest
+    such; otherwise it is kept. Returns the indices of the kept [m] and the assignment [n].
     """
     order = np.argsort(-density, kind="stable")
-    assignment = np.full(len(x), -1)
-    kept: list[int] = []
-    while order.size:
-        best = order[0]
-        z = manifold.cloud(x[[best]], within).seen_from(x[order]).z[:, 0]
-        near = z < 1.0
-        near[0] = True
-        assignment[order[near]] = len(kept)
-        kept.append(int(best))
-        order = order[~near]
-    return np.array(kept, dtype=np.int64), assignment
+    ordered = x[order]
+    joined = np.arange(len(x))
+    cloud = manifold.cloud(ordered, within)
+    for start in range(0, len(x), cloud.rows):
+        rows, columns = np.nonzero(cloud.seen_from(ordered[start : start + cloud.rows]).z < 1.0)
+        rows += start
+        for i, j in zip(rows.tolist(), columns.tolist(), strict=True):
+            if j < i and joined[j] == j and joined[i] == i:
+                joined[i] = j
+    kept = np.flatnonzero(joined == np.arange(len(x)))
+    assignment = np.empty(len(x), dtype=np.int64)
+    assignment[order] = np.searchsorted(kept, joined)
+    return order[kept], assignment
