@@ -11,7 +11,7 @@ from scipy.spatial import cKDTree
 
 from mssegment.errors import DataError
 from mssegment.imaging.pictures import Grey
-from mssegment.imaging.pyramid import Level, build_pyramid
+from mssegment.imaging.pyramid import Level, build_pyramid, size_unit
 from mssegment.records import Corners, Floats, Frame
 
 HARRIS_K = 0.04
@@ -30,22 +30,31 @@ NO_TEXTURE = 1e-3
 def detect(
     grey: Grey,
     *,
-    levels: int = LEVELS_TWO_VIEWS,
+    levels: int | None = None,
     limit: int = LIMIT_TWO_VIEWS,
     distance: float = 0.0,
     quality: float = QUALITY,
 ) -> Corners:
     """Corners of one picture, level by level, the strongest first within a level.
 
-    ``levels`` is the number of pyramid levels, a factor sqrt(2) apart; the level of scale s keeps
-    at most ``limit`` / s^1.2 corners, no two closer than ``distance`` pixels of the level, each
-    a maximum of the Harris response (k = 0.04, [Harris and Stephens 1988]) over 5x5 pixels that
-    exceeds ``quality`` times the greatest of the level. Positions are in pixels of the picture,
-    pixel centres at whole numbers, refined by a parabola through the response. A picture without
-    texture gives no corners.
+    ``levels`` is the number of pyramid levels, a factor sqrt(2) apart: 4 by default, and as many
+    more as a large picture is larger than 640x480 (its ``size_unit``). A level keeps at most
+    ``limit`` corners, levels coarser than that unit ``limit`` / s^1.2 where s is by how much; no
+    two are closer than ``distance`` pixels of the level; each is a maximum of the Harris response
+    (k = 0.04; Harris and Stephens 1988) over 5x5 pixels that exceeds ``quality`` times the
+    greatest of the level. Positions are in pixels of the picture, pixel centres at whole numbers,
+    refined by a parabola through the response. A picture without texture gives no corners.
     """
+    unit = size_unit(grey)
+    if levels is None:
+        levels = LEVELS_TWO_VIEWS + int(2 * np.log2(unit) + 1e-9)
     found = [
-        _detect_on_level(level, int(limit / level.scale**LIMIT_FALLS_WITH_SCALE), distance, quality)
+        _detect_on_level(
+            level,
+            max(1, int(limit / max(1.0, level.scale / unit) ** LIMIT_FALLS_WITH_SCALE)),
+            distance,
+            quality,
+        )
         for level in build_pyramid(grey, levels)
     ]
     return Corners(
@@ -66,7 +75,7 @@ def detect_all(
 ) -> list[Corners]:
     """The corners of each frame, with the defaults that suit their number.
 
-    Two views: a pyramid of 4 levels, 1500 corners on the finest. More: one level, 1000 corners
+    Two views: a pyramid, 1500 corners on the finest level. More: one level, 1000 corners
     at least 5 pixels apart. Raises ``DataError`` that names the frame (``frames`` has the paths)
     where there are no corners.
     """
@@ -75,7 +84,7 @@ def detect_all(
     for number, grey in enumerate(pictures):
         corners = detect(
             grey,
-            levels=levels if levels is not None else (LEVELS_TWO_VIEWS if pair else 1),
+            levels=levels if levels is not None or pair else 1,
             limit=limit if limit is not None else (LIMIT_TWO_VIEWS if pair else LIMIT_SEQUENCE),
             distance=distance if distance is not None else (0.0 if pair else DISTANCE_SEQUENCE),
             quality=quality,

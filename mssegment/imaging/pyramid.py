@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import cv2
@@ -34,6 +35,14 @@ class Level:
     def from_picture(self, points: Floats) -> Floats:
         """Positions [..., 2] in the original as positions on this level."""
         return np.asarray((points + 0.5) / self.ratio - 0.5)
+
+
+def size_unit(grey: Grey) -> float:
+    """How much larger than 640x480 a picture is, as a factor of its sides; 1 for smaller ones.
+
+    Distances between neighbouring matches grow with the picture; the size of a window does not.
+    """
+    return max(1.0, math.sqrt(grey.shape[0] * grey.shape[1] / (640 * 480)))
 
 
 def build_pyramid(grey: Grey, levels: int) -> list[Level]:

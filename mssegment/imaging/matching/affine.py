@@ -22,7 +22,7 @@ from mssegment.imaging.matching.nearest import mutual
 from mssegment.imaging.matching.orientation import dominant
 from mssegment.imaging.matching.views import Indices, View, two_views
 from mssegment.imaging.pictures import Grey
-from mssegment.imaging.pyramid import FACTOR
+from mssegment.imaging.pyramid import FACTOR, size_unit
 from mssegment.records import Corners, Floats, Tracks
 
 RATIO = 0.85
@@ -155,9 +155,10 @@ def _grow(first: View, second: View, found: _Matches) -> _Matches:
         return found
     gap = support.distance_to(first.points, found.first)
     free = np.flatnonzero(gap >= THINNING)
-    rows, near = support.nearest_matches(
-        first.points[free], found.first, GROWTH_NEIGHBOURS, GROWTH_RADIUS
-    )
+    if not len(free):
+        return found[free]
+    radius = GROWTH_RADIUS * size_unit(first.pyramid[0].grey)
+    rows, near = support.nearest_matches(first.points[free], found.first, GROWTH_NEIGHBOURS, radius)
     corner = free[rows]
     affines = found.affines[near]
     windows = Windows(
