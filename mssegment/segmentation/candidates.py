@@ -1,0 +1,153 @@
+"""Candidate motions: the modes at a ladder of scales, refitted; and what each saves on each track.
+
+A candidate is a motion with a scale. Every stage of its refitting is kept, because a candidate
+that grows alone ends by swallowing its neighbours: the early stages are often the better motions.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from mssegment.records import Floats, Integers
+from mssegment.segmentation.likelihood import Noise
+from mssegment.segmentation.selection import View
+
+UNSOUND = 1e6
+"""Pixels; stands for an infinite residual."""
+
+
+@dataclass(frozen=True)
+class Candidates:
+    """K motions: ``views`` [K] index the set, ``modes`` [K] the mode each grew from (-1: none).
+
+    ``points`` are K points on their manifolds, ``scales`` [K] pixels, ``gains`` [K, P] what each
+    saves on each track (nats), ``residuals`` [K, P] pixels, ``prices`` [K] nats.
+    """
+
+    views: Integers
+    modes: Integers
+    points: tuple[Floats, ...]
+    scales: Floats
+    residuals: Floats
+    gains: Floats
+    prices: Floats
+
+    def __len__(self) -> int:
+        return len(self.views)
+
+    @staticmethod
+    def none(tracks: int) -> Candidates:
+        """No candidates for so many tracks."""
+        empty, rows = np.zeros(0, dtype=np.int64), np.zeros((0, tracks))
+        return Candidates(empty, empty, (), np.zeros(0), rows, rows, np.zeros(0))
+
+    def take(self, index: Sequence[int] | Integers) -> Candidates:
+        """The candidates ``index``."""
+        i = np.asarray(index, dtype=np.int64)
+        points = tuple(self.points[k] for k in i)
+        return Candidates(
+            self.views[i],
+            self.modes[i],
+            points,
+            self.scales[i],
+            self.residuals[i],
+            self.gains[i],
+            self.prices[i],
+        )
+
+
+def join(parts: Sequence[Candidates]) -> Candidates:
+    """All candidates of the ``parts``, in order."""
+    return Candidates(
+        np.concatenate([p.views for p in parts]),
+        np.concatenate([p.modes for p in parts]),
+        tuple(point for p in parts for point in p.points),
+        np.concatenate([p.scales for p in parts]),
+        np.concatenate([p.residuals for p in parts]),
+        np.concatenate([p.gains for p in parts]),
+        np.concatenate([p.prices for p in parts]),
+    )
+
+
+@dataclass(frozen=True)
+class Family:
+    """One set of hypotheses with all that turns its motions into candidates.
+
+    ``index`` is the place of the set, ``price`` what one motion costs (nats).
+    """
+
+    index: int
+    view: View
+    noise: Noise
+    price: float
+
+    def candidates(self, points: Floats, scales: Floats, modes: Integers) -> Candidates:
+        """The motions ``points`` [B, ...] with their ``scales`` [B], as they are."""
+        return self._made(points, scales, self.residuals(points), modes)
+
+    def residuals(self, points: Floats) -> Floats:
+        """Residuals [B, P] in pixels, finite."""
+        return np.nan_to_num(self.view.residuals(points), nan=UNSOUND, posinf=UNSOUND)
+
+    def refit(
+        self, inliers: Floats, modes: Integers, stages: int, scales: Floats | None = None
+    ) -> list[Candidates]:
+        """Motions fitted to the ``inliers`` [B, P] (0 or 1), then to what they explain, and so on.
+
+        One element per stage; unsound fits are left out. ``scales`` [B] weight the first fit.
+        """
+        made = []
+        weights = inliers
+        alive = np.arange(len(inliers))
+        for stage in range(stages + 1):
+            points, sound = self.view.fit(weights)
+            sound = sound & (inliers.sum(axis=1) > self.view.model.subset_size)
+            points, inliers, alive = points[sound], inliers[sound], alive[sound]
+            if not len(alive):
+                break
+            residuals = self.residuals(points)
+            scale = self.noise.scales(residuals, inliers)
+            made.append(self._made(points, scale, residuals, modes[alive]))
+            if stage == stages:
+                break
+            explained = (made[-1].gains > 0).astype(np.float64)
+            changed = (explained != inliers).any(axis=1) | (stage < 2)
+            alive, inliers = alive[changed], explained[changed]
+            if not len(alive):
+                break
+            weights = inliers * self.noise.weights(residuals[changed], scale[changed])
+        return made
+
+    def fitted(self, inliers: Floats, modes: Integers) -> list[Candidates]:
+        """The motions fitted to the ``inliers`` [B, P] (0 or 1), one element or none."""
+        return self.refit(inliers, modes, 0)
+
+    def _made(
+        self, points: Floats, scales: Floats, residuals: Floats, modes: Integers
+    ) -> Candidates:
+        count = len(points)
+        return Candidates(
+            np.full(count, self.index),
+            np.asarray(modes, dtype=np.int64),
+            tuple(points),
+            scales,
+            residuals,
+            self.noise.gains(residuals, scales),
+            np.full(count, self.price),
+        )
+
+
+def from_modes(
+    family: Family, points: Floats, modes: Integers, ladder: int, stages: int
+) -> list[Candidates]:
+    """The modes ``points`` [B, ...] at each scale of the ladder, with all stages of refitting."""
+    noise = family.noise
+    residuals = family.residuals(points)
+    made: list[Candidates] = []
+    for scale in np.geomspace(noise.floor, noise.cap, ladder):
+        inliers = noise.gains(residuals, np.full(len(points), scale)) > 0
+        made += family.refit(inliers.astype(np.float64), modes, stages)
+    return made

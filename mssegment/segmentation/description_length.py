@@ -1,0 +1,242 @@
+"""``mdl``: the motions, and their number, that give the shortest description of all tracks.
+
+The modes of the hypotheses are candidates; what each saves on each track is its likelihood against
+a uniform code (``likelihood``). A set of motions saves what its motions save on the tracks they
+win, less the price of their parameters and less the code of the labels: minus the logarithm of
+each label's frequency, so that splitting a body costs an amount *per track*, however dense the
+matches are. The search starts with the candidates that save most, one after the other, then
+changes the set (add, remove, exchange, merge, each followed by joint refitting) as long as the
+description gets shorter. At last the labels are settled once more, each coded with the labels of
+its neighbours. It is one mechanism for every motion model: a model adds its number of parameters,
+the dimension of its residual, its residual, its fit and the extent it leaves free.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+
+from mssegment.hypotheses import neighbour_space
+from mssegment.records import Integers
+from mssegment.segmentation.candidates import Candidates, Family, from_modes, join
+from mssegment.segmentation.granularity import scale_range
+from mssegment.segmentation.labelling import frequency_labels, neighbour_labels
+from mssegment.segmentation.likelihood import Noise, parameter_cost, uniform_cost
+from mssegment.segmentation.refinement import refine, refit_once
+from mssegment.segmentation.selection import Choice, Chosen, Problem
+
+PROPOSALS = 6
+"""Candidates that are tried as an addition; each saves on other tracks than those before."""
+EXCHANGES = 3
+"""Candidates that are tried in the place of each motion."""
+MOST_MOVES = 30
+"""Bound on the changes of the set; each shortens the description."""
+SETTLING = 5
+"""Turns of neighbour labels and refits at the end."""
+IMPROVEMENT = 1e-3
+"""Nats below which a change is no improvement."""
+
+
+@dataclass(frozen=True)
+class Recipe:
+    """What the ablation takes away, one at a time.
+
+    ``price`` is what stating one motion costs, times (p + 2)/2 ln P; ``freedom`` the degrees of
+    freedom of the residuals' distribution (infinite: Gaussian); ``moves`` whether the set is
+    changed after the start; ``neighbours`` whether labels are settled with their neighbours';
+    ``ladder`` and ``stages`` the scales and refits of the candidates.
+    """
+
+    price: float = 2.2
+    freedom: float = 2.5
+    ladder: int = 4
+    stages: int = 6
+    moves: bool = True
+    neighbours: bool = True
+    label_cost: bool = True
+
+
+STANDARD = Recipe()
+
+
+def mdl(problem: Problem, recipe: Recipe = STANDARD) -> Choice:
+    """The motions of the shortest description of the tracks of ``problem``.
+
+    Sources: Rissanen, Modeling by shortest data description (1978) for the principle; Delong,
+    Osokin, Isack and Boykov, Fast approximate energy minimization with label costs (2012) for
+    motions with prices.
+    """
+    families, notes = make_families(problem, recipe)
+    pool = candidate_pool(problem, families, recipe)
+    bounds = Bounds.of(problem)
+    best = start(pool, bounds, recipe)
+    if recipe.moves:
+        best = improve(families, best, pool, bounds, recipe)
+    labels, best = settle(problem, families, best, recipe)
+    return Choice(tuple(describe(best, labels, families, recipe)), tuple(notes))
+
+
+@dataclass(frozen=True)
+class Bounds:
+    """The smallest and largest number of motions that is allowed."""
+
+    fewest: int
+    most: float
+
+    @staticmethod
+    def of(problem: Problem) -> Bounds:
+        """The bounds that the user set."""
+        if problem.motions is not None:
+            return Bounds(problem.motions, problem.motions)
+        return Bounds(problem.min_motions, np.inf)
+
+    def violation(self, count: int) -> float:
+        """By how many motions ``count`` is out of bounds."""
+        return max(self.fewest - count, count - self.most, 0.0)
+
+
+def make_families(problem: Problem, recipe: Recipe) -> tuple[list[Family], list[str]]:
+    """The sets of ``problem`` with their noise and prices, and what was decided about them."""
+    granularity = problem.granularity
+    notes: list[str] = []
+    outlier = uniform_cost(problem.points)
+    families = []
+    for index, view in enumerate(problem.views):
+        model = view.model
+        free = model.free_extent(view.observed, view.hypotheses.coordinates)
+        floor, cap = scale_range(problem.points, granularity, predicts_points=free == 0)
+        noise = Noise(
+            model.residual_dimension,
+            model.residual_terms,
+            floor,
+            cap,
+            free,
+            outlier,
+            recipe.freedom,
+        )
+        price = recipe.price * parameter_cost(model, len(problem.points))
+        families.append(Family(index, view, noise, price))
+    return families, notes
+
+
+def candidate_pool(problem: Problem, families: Sequence[Family], recipe: Recipe) -> Candidates:
+    """All candidates: every mode of every set, at every scale and stage of refitting."""
+    parts: list[Candidates] = []
+    for family in families:
+        own = [i for i, mode in enumerate(problem.modes) if mode.set == family.index]
+        if own:
+            points = np.stack([problem.modes[i].point for i in own])
+            parts += from_modes(family, points, np.array(own), recipe.ladder, recipe.stages)
+    return join(parts) if parts else Candidates.none(len(problem.points))
+
+
+def worth(chosen: Candidates, bounds: Bounds, recipe: Recipe) -> float:
+    """Nats that the motions save on the description of all tracks; out of bounds is far worse."""
+    _, value = frequency_labels(chosen.gains, recipe.label_cost)
+    return value - float(chosen.prices.sum()) - 1e9 * bounds.violation(len(chosen))
+
+
+def start(pool: Candidates, bounds: Bounds, recipe: Recipe) -> Candidates:
+    """Candidates one after the other, the one that saves most first, as long as one saves."""
+    chosen = pool.take([])
+    best = worth(chosen, bounds, recipe)
+    while True:
+        tried = [join([chosen, pool.take([k])]) for k in proposals(chosen, pool, EXCHANGES)]
+        values = [worth(t, bounds, recipe) for t in tried]
+        if not values or max(values) <= best + IMPROVEMENT:
+            return chosen
+        chosen, best = tried[int(np.argmax(values))], max(values)
+
+
+def improve(
+    families: Sequence[Family],
+    chosen: Candidates,
+    pool: Candidates,
+    bounds: Bounds,
+    recipe: Recipe,
+) -> Candidates:
+    """Changes the set by the best move until no move shortens the description."""
+    best = -np.inf
+    for _ in range(MOST_MOVES):
+        done = refine(families, neighbouring_sets(families, chosen, pool), recipe.label_cost)
+        values = [worth(one, bounds, recipe) for one in done]
+        if max(values) <= best + IMPROVEMENT:
+            break
+        chosen, best = done[int(np.argmax(values))], max(values)
+    return chosen
+
+
+def neighbouring_sets(
+    families: Sequence[Family], chosen: Candidates, pool: Candidates
+) -> list[Candidates]:
+    """The set itself, and all sets that one addition, removal, exchange or merger makes of it."""
+    sets = [chosen]
+    sets += [join([chosen, pool.take([k])]) for k in proposals(chosen, pool, PROPOSALS)]
+    labels, _ = frequency_labels(chosen.gains)
+    for j in range(len(chosen)):
+        rest = chosen.take([k for k in range(len(chosen)) if k != j])
+        sets.append(rest)
+        sets += [join([rest, pool.take([k])]) for k in proposals(rest, pool, EXCHANGES)]
+    for a, b in combinations(range(len(chosen)), 2):
+        both = ((labels == a + 1) | (labels == b + 1)).astype(np.float64)
+        rest = chosen.take([k for k in range(len(chosen)) if k not in (a, b)])
+        for family in families:
+            sets += [join([rest, one]) for one in family.fitted(both[None], chosen.modes[[a]])]
+    return sets
+
+
+def proposals(chosen: Candidates, pool: Candidates, count: int) -> list[int]:
+    """The ``count`` candidates that save most beside ``chosen``, each on other tracks."""
+    better = np.maximum(pool.gains - np.maximum(chosen.gains.max(axis=0, initial=0.0), 0.0), 0.0)
+    found: list[int] = []
+    for _ in range(min(count, len(pool))):
+        saves = better.sum(axis=1)
+        k = int(saves.argmax())
+        if saves[k] <= 0:
+            break
+        found.append(k)
+        better = better * (better[k] <= 0)
+    return found
+
+
+def settle(
+    problem: Problem, families: Sequence[Family], chosen: Candidates, recipe: Recipe
+) -> tuple[Integers, Candidates]:
+    """The final labels [P], each coded with its neighbours', and the motions fitted to them."""
+    if not recipe.neighbours or not len(chosen):
+        return frequency_labels(chosen.gains, recipe.label_cost)[0], chosen
+    space = neighbour_space(problem.points)
+    for _ in range(SETTLING):
+        labels = neighbour_labels(chosen.gains, space)
+        inliers = labels == np.arange(1, len(chosen) + 1)[:, None]
+        chosen = refit_once(families, chosen, inliers.astype(np.float64))
+    return neighbour_labels(chosen.gains, space), chosen
+
+
+def describe(
+    chosen: Candidates, labels: Integers, families: Sequence[Family], recipe: Recipe
+) -> list[Chosen]:
+    """The motions as the rest of the house knows them."""
+    free = Bounds(0, np.inf)
+    total = worth(chosen, free, recipe)
+    described = []
+    for k in range(len(chosen)):
+        inliers = labels == k + 1
+        if not inliers.any():
+            continue
+        rest = chosen.take([j for j in range(len(chosen)) if j != k])
+        noise = families[chosen.views[k]].noise
+        described.append(
+            Chosen(
+                set=int(chosen.views[k]),
+                point=chosen.points[k],
+                inliers=inliers,
+                mode=int(chosen.modes[k]),
+                scale=noise.deviation(chosen.residuals[k][inliers]),
+                cost_saved=total - worth(rest, free, recipe),
+            )
+        )
+    return described

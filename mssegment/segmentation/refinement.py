@@ -1,0 +1,61 @@
+"""Joint refitting: labels and motions by turns, for several sets of motions at a time."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import pairwise
+
+import numpy as np
+
+from mssegment.records import Floats
+from mssegment.segmentation.candidates import Candidates, Family, join
+from mssegment.segmentation.labelling import frequency_labels
+
+TURNS = 4
+"""Turns of relabelling and refitting."""
+
+
+def refine(
+    families: Sequence[Family], sets: Sequence[Candidates], label_cost: bool = True
+) -> list[Candidates]:
+    """Each set of motions, every motion refitted to the tracks it wins against the others.
+
+    All motions of all sets are fitted in one batch. A motion whose refit is unsound stays.
+    """
+    lengths = [len(s) for s in sets]
+    ends = np.cumsum([0, *lengths])
+    current = join(list(sets))
+    if not len(current):
+        return list(sets)
+    for _ in range(TURNS):
+        inliers = np.zeros(current.gains.shape)
+        for a, b in pairwise(ends):
+            if b > a:
+                labels, _ = frequency_labels(current.gains[a:b], label_cost)
+                inliers[a:b] = labels == np.arange(1, b - a + 1)[:, None]
+        current = refit_once(families, current, inliers)
+    return [current.take(np.arange(a, b)) for a, b in pairwise(ends)]
+
+
+def refit_once(families: Sequence[Family], current: Candidates, inliers: Floats) -> Candidates:
+    """The motions fitted once to their ``inliers`` [K, P] (0 or 1), in their order."""
+    points = list(current.points)
+    scales, residuals = current.scales.copy(), current.residuals.copy()
+    gains = current.gains.copy()
+    for family in families:
+        own = np.flatnonzero(current.views == family.index)
+        if not len(own):
+            continue
+        weights = inliers[own] * family.noise.weights(residuals[own], scales[own])
+        fitted, sound = family.view.fit(weights)
+        enough = inliers[own].sum(axis=1) > family.view.model.subset_size
+        good = np.flatnonzero(sound & enough)
+        new = family.residuals(fitted[good])
+        k = own[good]
+        scale = family.noise.scales(new, inliers[k], scales[k])
+        residuals[k], scales[k], gains[k] = new, scale, family.noise.gains(new, scale)
+        for place, index in zip(good, k, strict=True):
+            points[index] = fitted[place]
+    return Candidates(
+        current.views, current.modes, tuple(points), scales, residuals, gains, current.prices
+    )
