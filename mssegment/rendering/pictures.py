@@ -25,6 +25,8 @@ KINDS = ("points", "frames", "side-by-side", "overlay", "regions")
 USUAL = ("points", "frames", "overlay")
 MAX_FRAMES = 8
 """A longer sequence shows this many frames, evenly spaced, the first and the last among them."""
+MOST_COVERED = 0.4
+"""An outline around more of the picture than this is the background, and only in the way."""
 
 
 def encode_pictures(
@@ -195,11 +197,14 @@ def motion_hulls(report: Report, view: View) -> dict[int, Contours]:
 
 
 def _area_items(areas: dict[int, Contours], view: View, opacity: float) -> list[Item]:
-    return [
-        Areas(contours, style.mark(label).colour, opacity, view.sizes.outline)
-        for label, contours in areas.items()
-        if contours
-    ]
+    height, width = view.photograph.shape[:2]
+    items: list[Item] = []
+    for label, contours in areas.items():
+        covered = sum(cv2.contourArea(c.astype(np.float32)) for c in contours)
+        if 0 < covered <= MOST_COVERED * width * height:
+            colour = style.mark(label).colour
+            items.append(Areas(contours, colour, opacity, view.sizes.outline))
+    return items
 
 
 def _label_items(report: Report, view: View) -> list[Item]:

@@ -30,7 +30,7 @@ def render_page(report: Report) -> str:
     """The report as the text of one self-contained HTML file."""
     style = asset("page.css") + label_rules(report)
     script = page_script() if report.frames else ""
-    return Template(asset("template.html")).substitute(
+    page = Template(asset("template.html")).substitute(
         policy=content_policy(style, script),
         style=style,
         script=script,
@@ -49,6 +49,8 @@ def render_page(report: Report) -> str:
         version=escape(__version__),
         data=payload.as_script(payload.numbers(report)),
     )
+    # a file name need not be text: what is none becomes a question mark
+    return page.encode("utf-8", "replace").decode("utf-8")
 
 
 def page_title(report: Report) -> str:
