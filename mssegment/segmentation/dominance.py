@@ -1,0 +1,138 @@
+"""The paper's selection: the first m modes are motions where they clearly dominate the next one.
+
+What dominates is the mass of a mode, its kernel density times the hypotheses that converge to it
+(the two columns of the paper's tables). Modes are looked at from the heaviest; one that fits the
+same tracks as a heavier one is the same motion, one that loses its tracks to the others is none.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from mssegment.records import Floats
+from mssegment.segmentation.inliers import SPARE, Fitted, fit_to_basin
+from mssegment.segmentation.refit import compete
+from mssegment.segmentation.selection import Choice, Chosen, Problem, View
+
+CANDIDATES = 60
+"""Modes looked at, heaviest first."""
+SAME = 2.0
+"""Two motions are the same where the inliers of one have residuals from the other that are less
+than so many times as large."""
+
+
+@dataclass(frozen=True)
+class _Candidate:
+    """A mode with its own motion, and the mass by which it dominates."""
+
+    mode: int
+    mass: float
+    fitted: Fitted
+
+
+def dominance(problem: Problem) -> Choice:
+    """The heaviest modes before the largest gap (or as many as given), with their inliers.
+
+    Works on the set of the heaviest mode alone where there are several sets: kernel densities on
+    different manifolds cannot be compared.
+    """
+    if not problem.modes:
+        return Choice((), ("there is no mode",))
+    index = max(problem.modes, key=lambda mode: mode.kde * mode.hypotheses).set
+    view = problem.views[index]
+    found = _distinct(view, _candidates(problem, index), problem.motions)
+    masses = np.array([candidate.mass for candidate in found])
+    count, notes = problem.motions, []
+    if count is None:
+        count = max(largest_gap(masses, _lone(view)), problem.min_motions)
+        notes += _warnings(masses, count)
+    if count > len(found):
+        notes.append(f"{count} motions were wanted, but only {len(found)} modes stand for one")
+    chosen = found[:count]
+    if not chosen:
+        return Choice((), tuple(notes))
+    points, inliers, residuals = compete(view, np.stack([c.fitted.point for c in chosen]))
+    return Choice(
+        tuple(
+            Chosen(index, points[j], inliers[j], c.mode, _scale(view, residuals[j][inliers[j]]))
+            for j, c in enumerate(chosen)
+        ),
+        tuple(notes),
+    )
+
+
+def largest_gap(masses: Floats, lone: float) -> int:
+    """How many of the ``masses``, in descending order, come before the largest ratio of two.
+
+    After the last comes ``lone``, the mass of a mode of a single hypothesis; nothing counts less.
+    """
+    if len(masses) == 0:
+        return 0
+    ladder = np.maximum([*masses, lone], lone)
+    return int(np.argmax(ladder[:-1] / ladder[1:])) + 1
+
+
+def _lone(view: View) -> float:
+    return 1.0 / len(view.hypotheses.points)
+
+
+def _candidates(problem: Problem, index: int) -> list[_Candidate]:
+    """The heaviest modes of one set whose motion keeps its inliers."""
+    view = problem.views[index]
+    modes = [i for i, mode in enumerate(problem.modes) if mode.set == index]
+    modes.sort(key=lambda i: -problem.modes[i].kde * problem.modes[i].hypotheses)
+    found = []
+    for i in modes[:CANDIDATES]:
+        mode = problem.modes[i]
+        fitted = fit_to_basin(view, mode.point)
+        if fitted is not None:
+            found.append(_Candidate(i, mode.kde * mode.hypotheses, fitted))
+    return found
+
+
+def _distinct(view: View, candidates: list[_Candidate], wanted: int | None) -> list[_Candidate]:
+    """Candidates that stand for motions of their own, at most ``wanted``."""
+    least = view.model.subset_size + SPARE
+    kept: list[_Candidate] = []
+    for candidate in candidates:
+        if any(_is_same(candidate.fitted, other.fitted) for other in kept):
+            continue
+        kept.append(candidate)
+        points, inliers, residuals = compete(view, np.stack([c.fitted.point for c in kept]))
+        kept = [
+            _Candidate(c.mode, c.mass, Fitted(points[j], inliers[j], residuals[j]))
+            for j, c in enumerate(kept)
+            if inliers[j].sum() >= least
+        ]
+        if wanted is not None and len(kept) == wanted:
+            break
+    return kept
+
+
+def _is_same(a: Fitted, b: Fitted) -> bool:
+    """Whether either motion explains the other's inliers almost as well as their own does."""
+    return any(
+        np.median(other.residuals[one.inliers]) <= SAME * np.median(one.residuals[one.inliers])
+        for one, other in ((a, b), (b, a))
+    )
+
+
+def _scale(view: View, residuals: Floats) -> float:
+    """Standard deviation (pixels) of a residual's coordinate."""
+    if len(residuals) == 0:
+        return 0.0
+    mean_square = float(np.mean(residuals**2))
+    return float(np.sqrt(mean_square * view.model.residual_terms / view.model.residual_dimension))
+
+
+def _warnings(masses: Floats, count: int) -> list[str]:
+    """Says so where no mode clearly dominates the next one."""
+    if 0 < count < len(masses) and masses[count - 1] < 2.0 * masses[count]:
+        ratio = masses[count - 1] / masses[count]
+        return [
+            f"mode {count} outweighs mode {count + 1} only {ratio:.1f} times: the number of "
+            "motions is a guess; give it, or choose selection mdl"
+        ]
+    return []

@@ -1,0 +1,172 @@
+"""From hypotheses to labelled tracks: mean shift on every set, selection, one label per track."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Literal
+
+import numpy as np
+
+from mssegment import motions as models
+from mssegment.errors import DataError
+from mssegment.meanshift import MeanShift
+from mssegment.motions import Flags
+from mssegment.records import (
+    NOT_JUDGED,
+    OUTLIER,
+    Floats,
+    HypothesisSet,
+    Integers,
+    Mode,
+    Motion,
+    Segmentation,
+)
+from mssegment.segmentation.selection import (
+    Choice,
+    Chosen,
+    Granularity,
+    Problem,
+    Selection,
+    View,
+)
+
+BANDWIDTH_CONSTANT = 0.5
+"""Times the median distance to the (0.05 n)-th nearest hypothesis: the bandwidth ``auto``."""
+
+
+def segment_by_modes(
+    points: Floats,
+    sets: Sequence[HypothesisSet],
+    *,
+    select: Selection,
+    status: Integers,
+    bandwidth: float | Literal["auto"] = "auto",
+    kernel: str = "gaussian",
+    motions: int | None = None,
+    min_motions: int = 0,
+    granularity: Granularity = "object",
+    rng: np.random.Generator,
+) -> Segmentation:
+    """Mean shift on every set, modes ranked by kernel density, then ``select``.
+
+    ``points`` [P, F, 2] in pixels; ``status`` [P] is 0 for tracks to label, else the label they
+    keep. Raises DataError where the hypotheses do not fit the tracks.
+    """
+    judged = np.asarray((status == OUTLIER) & np.isfinite(points).all(axis=(1, 2)))
+    views = tuple(_view(points[judged], s) for s in sets)
+    modes, bandwidths, assignments = _find_modes(views, bandwidth, kernel, rng)
+    choice = select(Problem(points[judged], views, modes, motions, min_motions, granularity, rng))
+    return _segmentation(points, status, judged, views, modes, bandwidths, assignments, choice)
+
+
+def _view(points: Floats, hypotheses: HypothesisSet) -> View:
+    shape = hypotheses.points.shape
+    if len(shape) != 3 or shape[0] == 0:
+        raise DataError(
+            f"the set of model {hypotheses.model} holds no hypotheses: run hypothesize again"
+        )
+    frames = list(hypotheses.frames)
+    if max(frames) >= points.shape[1]:
+        raise DataError(
+            f"the hypotheses speak of frame {max(frames) + 1}, but the tracks have "
+            f"{points.shape[1]} frames: the document is damaged, run hypothesize again"
+        )
+    model = models.make(hypotheses.model, frames=len(frames), rank=shape[-1])
+    if shape[1:] != model.manifold.point_shape:
+        raise DataError(
+            f"hypotheses of model {hypotheses.model} over {len(frames)} frames are arrays of shape "
+            f"{model.manifold.point_shape}, but the document has {shape[1:]}: run hypothesize again"
+        )
+    return View(hypotheses, model, model.observe(points[:, frames], hypotheses.coordinates))
+
+
+def _find_modes(
+    views: Sequence[View],
+    bandwidth: float | Literal["auto"],
+    kernel: str,
+    rng: np.random.Generator,
+) -> tuple[tuple[Mode, ...], tuple[float, ...], tuple[Integers, ...]]:
+    """Modes of all sets, densest first; bandwidth and assignments (-1: to no mode) per set."""
+    modes: list[Mode] = []
+    bandwidths, places = [], []
+    for index, view in enumerate(views):
+        shifted = MeanShift(
+            view.model.manifold, bandwidth, kernel, bandwidth_constant=BANDWIDTH_CONSTANT
+        ).fit(view.hypotheses.points, rng=rng)
+        bandwidths.append(shifted.bandwidth_)
+        places.append(np.where(shifted.labels_ >= 0, shifted.labels_ + len(modes), -1))
+        modes += [
+            Mode(index, int(count), float(density), point)
+            for point, density, count in zip(
+                shifted.modes_, shifted.densities_, shifted.counts_, strict=True
+            )
+        ]
+    order = sorted(range(len(modes)), key=lambda i: -modes[i].kde)
+    rank = np.full(len(modes) + 1, -1)
+    rank[order] = np.arange(len(modes))
+    assignments = tuple(rank[place].astype(np.int64) for place in places)
+    return tuple(modes[i] for i in order), tuple(bandwidths), assignments
+
+
+def _segmentation(
+    points: Floats,
+    status: Integers,
+    judged: Flags,
+    views: Sequence[View],
+    modes: tuple[Mode, ...],
+    bandwidths: tuple[float, ...],
+    assignments: tuple[Integers, ...],
+    choice: Choice,
+) -> Segmentation:
+    residuals = _residuals(views, choice.motions, int(judged.sum()))
+    owner = _owners(choice.motions, residuals)
+    sizes = np.array([(owner == j).sum() for j in range(len(choice.motions))], dtype=np.int64)
+    order = [int(j) for j in np.argsort(-sizes, kind="stable") if sizes[j] > 0]
+    labels = np.where(status == OUTLIER, NOT_JUDGED, status).astype(np.int64)
+    labels[judged] = OUTLIER
+    tracks = np.flatnonzero(judged)
+    found = []
+    for label, j in enumerate(order, start=1):
+        inliers = tracks[owner == j]
+        labels[inliers] = label
+        found.append(_motion(label, choice.motions[j], inliers, residuals[j][owner == j], views))
+    everywhere = np.full((len(found), len(points)), np.nan)
+    everywhere[:, judged] = residuals[order]
+    label_of_mode = {choice.motions[j].mode: label for label, j in enumerate(order, start=1)}
+    named = tuple(
+        Mode(m.set, m.hypotheses, m.kde, m.point, label_of_mode.get(i, 0))
+        for i, m in enumerate(modes)
+    )
+    return Segmentation(
+        labels, named, tuple(found), bandwidths, everywhere, assignments, choice.notes
+    )
+
+
+def _residuals(views: Sequence[View], chosen: Sequence[Chosen], tracks: int) -> Floats:
+    """Residuals in pixels of the judged tracks from the chosen motions, [m, P]."""
+    rows = [views[c.set].residuals(c.point[None])[0] for c in chosen]
+    return np.stack(rows) if rows else np.zeros((0, tracks))
+
+
+def _owners(chosen: Sequence[Chosen], residuals: Floats) -> Integers:
+    """The motion of each judged track, -1 for none; a tie goes to the smaller residual."""
+    if not chosen:
+        return np.full(residuals.shape[1], -1, dtype=np.int64)
+    own = np.where(np.stack([c.inliers for c in chosen]), residuals, np.inf)
+    nearest = own.argmin(axis=0)
+    return np.where(np.isfinite(own.min(axis=0)), nearest, -1).astype(np.int64)
+
+
+def _motion(
+    label: int, chosen: Chosen, inliers: Integers, residuals: Floats, views: Sequence[View]
+) -> Motion:
+    return Motion(
+        label=label,
+        set=chosen.set,
+        model=views[chosen.set].model.name,
+        parameters=chosen.point,
+        inliers=inliers.astype(np.int64),
+        scale=chosen.scale,
+        rms=float(np.sqrt(np.mean(residuals**2))),
+        cost_saved=chosen.cost_saved,
+    )
