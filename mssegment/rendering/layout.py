@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -10,6 +11,7 @@ import numpy as np
 
 from mssegment.records import Floats
 from mssegment.rendering import style
+from mssegment.rendering.regions import spacing
 from mssegment.rendering.report import Picture, Report
 from mssegment.rendering.scene import (
     TEXT_WIDTH,
@@ -29,17 +31,21 @@ MAX_ENLARGEMENT = 2.0
 
 @dataclass(frozen=True)
 class View:
-    """One frame as it is drawn: its photograph, muted, at ``scale`` times the frame's size."""
+    """One frame as it is drawn: its photograph, muted, at ``scale`` times the frame's size.
+
+    ``spacing`` is that of the inliers, in pixels of the frame.
+    """
 
     index: int
     photograph: Picture
     scale: float
+    spacing: float = math.inf
 
     @property
     def sizes(self) -> style.Sizes:
         """The sizes of what is drawn over the photograph."""
         height, width = self.photograph.shape[:2]
-        return style.sizes(width, height)
+        return style.sizes(width, height, self.spacing * self.scale)
 
     @property
     def band(self) -> int:
@@ -74,12 +80,27 @@ def view_of(report: Report, index: int) -> View:
     picture = report.pictures(index)
     if picture is None:
         blank = np.full((size[1], size[0], 3), 236, dtype=np.uint8)
-        return View(index, blank, scale)
+        return View(index, blank, scale, typical_spacing(report))
     picture = np.ascontiguousarray(picture)  # the frame may be a view with its colours swapped
     if picture.shape[1::-1] != size:
         enlarged = cv2.resize(picture, size, interpolation=cv2.INTER_CUBIC)
         picture = np.asarray(enlarged, dtype=np.uint8)
-    return View(index, mute(picture), scale)
+    return View(index, mute(picture), scale, typical_spacing(report))
+
+
+def typical_spacing(report: Report) -> float:
+    """How far the inliers of a motion lie from each other, in frame pixels; infinite without any.
+
+    In the frame that shows most tracks, for the most crowded motion that matters.
+    """
+    if not len(report.labels) or not report.motions:
+        return math.inf
+    index = int(np.argmax(report.tracks.visible.sum(axis=0)))
+    points = report.tracks.points[:, index]
+    groups = [points[report.members(motion.label)] for motion in report.motions]
+    groups = [group[np.isfinite(group).all(axis=1)] for group in groups]
+    least = 0.1 * sum(map(len, groups))
+    return min((spacing(g, 1) for g in groups if len(g) > max(2.0, least)), default=math.inf)
 
 
 def mute(picture: Picture) -> Picture:

@@ -17,13 +17,13 @@ _NEIGHBOUR = 3
 """Which neighbour's distance says how densely an object is covered."""
 
 
-def spacing(points: Floats) -> float:
-    """How far inliers of one motion typically lie from each other (pixels), 0 for fewer than 2."""
+def spacing(points: Floats, neighbour: int = _NEIGHBOUR) -> float:
+    """How far points [n, 2] typically lie from a neighbour of theirs; 0 for fewer than 2."""
     from scipy.spatial import cKDTree
 
     if len(points) < 2:
         return 0.0
-    count = min(_NEIGHBOUR, len(points) - 1)
+    count = min(neighbour, len(points) - 1)
     distances, _ = cKDTree(points).query(points, k=count + 1)
     return float(np.median(distances[:, -1]))
 

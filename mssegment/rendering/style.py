@@ -8,6 +8,7 @@ another shape: there are 7 colours and 8 shapes, hence 56 combinations.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 from mssegment.records import BACKGROUND, NOT_JUDGED, OUTLIER
@@ -123,19 +124,24 @@ def _unit(colour: Colour) -> list[float]:
 
 @dataclass(frozen=True)
 class Sizes:
-    """Lengths in pixels of the finished picture, all from one unit that grows with the picture."""
+    """Lengths in pixels of the finished picture, all from one unit that grows with the picture.
+
+    ``spacing`` is how far markers typically lie from each other: they shrink where they would
+    cover each other.
+    """
 
     unit: float
+    spacing: float = math.inf
 
     @property
     def marker(self) -> float:
         """Radius of a marker."""
-        return 4.2 * self.unit
+        return min(4.2 * self.unit, max(2.4 * self.unit, 0.5 * self.spacing))
 
     @property
     def small(self) -> float:
         """Radius of an outlier's or background marker."""
-        return 2.6 * self.unit
+        return 0.6 * self.marker
 
     @property
     def line(self) -> float:
@@ -158,6 +164,6 @@ class Sizes:
         return 15.0 * self.unit
 
 
-def sizes(width: int, height: int) -> Sizes:
+def sizes(width: int, height: int, spacing: float = math.inf) -> Sizes:
     """The sizes for a picture: unit 1 at 960 x 720, never below 0.6."""
-    return Sizes(max(0.6, (width * width + height * height) ** 0.5 / 1200.0))
+    return Sizes(max(0.6, (width * width + height * height) ** 0.5 / 1200.0), spacing)

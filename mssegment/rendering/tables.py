@@ -140,12 +140,12 @@ def format_table(table: Table, form: str) -> str:
 
 
 def number(value: float | None, digits: int = 3) -> str:
-    """A number with ``digits`` significant digits, never in scientific notation above 1e-5."""
+    """A number with ``digits`` significant digits, with an exponent only below 1e-4 and from 1e6 on."""
     if value is None or value != value:
         return "-"
     if value == 0:
         return "0"
-    if abs(value) < 1e-5 or abs(value) >= 1e6:
+    if abs(value) < 1e-4 or abs(value) >= 1e6:
         return f"{value:.{digits - 1}e}"
     text = f"{value:#.{digits}g}"
     if "e" in text:

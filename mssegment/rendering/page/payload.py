@@ -12,6 +12,7 @@ import numpy.typing as npt
 
 from mssegment.evaluation import is_counted
 from mssegment.records import BACKGROUND, NOT_JUDGED, OUTLIER, Integers
+from mssegment.rendering.layout import typical_spacing
 from mssegment.rendering.report import Picture, Report
 from mssegment.rendering.scene import OUTLINES
 from mssegment.rendering.style import hexadecimal, mark, text_on
@@ -131,6 +132,7 @@ def numbers(report: Report) -> dict[str, Any]:
         ],
         "tracks": len(points),
         "steps": steps,
+        "spacing": min(1e6, typical_spacing(report)),
         "points": _base64(coded, "<i2"),
         "labels": _base64(np.clip(report.labels, -32000, 32000), "<i2"),
         "truth": None if report.truth is None else _base64(report.truth, "<i2"),

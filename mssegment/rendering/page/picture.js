@@ -39,9 +39,11 @@ function trace(context, shape, x, y, radius) {
   context.closePath();
 }
 
+// markers shrink where they would cover each other
 function radiusOf(look) {
-  const size = Math.min(1.25, Math.max(0.7, stage.clientWidth / 900)) * unit;
-  return (look.label > 0 ? 4 : 2.6) * size * (tracks > 2000 ? 0.7 : 1);
+  const most = 4.2 * Math.min(1.25, Math.max(0.7, stage.clientWidth / 900)) * unit;
+  const radius = Math.min(most, Math.max(0.57 * most, 0.5 * data.spacing * scale));
+  return look.label > 0 ? radius : 0.62 * radius;
 }
 
 function drawWays(context, look, list) {
@@ -82,7 +84,7 @@ function drawLayer({ look, canvas, context }) {
     trace(context, look.shape, x * scale, y * scale, radius);
   }
   if (look.label > 0) {
-    context.lineWidth = 2.2 * unit;
+    context.lineWidth = 0.5 * radius;
     context.strokeStyle = "#fff";
     context.stroke();
   }

@@ -7,6 +7,7 @@ from html import escape
 import numpy as np
 
 from mssegment.records import Floats
+from mssegment.rendering.layout import typical_spacing
 from mssegment.rendering.page.payload import label_class, shown_labels
 from mssegment.rendering.report import Report
 from mssegment.rendering.scene import OUTLINES
@@ -41,7 +42,7 @@ def frames_html(report: Report, addresses: list[str]) -> str:
 def marks_svg(report: Report, index: int) -> str:
     """The tracks of one frame as SVG, in the coordinates of the frame."""
     frame = report.frames[index]
-    size = sizes(frame.width, frame.height)
+    size = sizes(frame.width, frame.height, typical_spacing(report))
     thin = max(1, -(-len(report.labels) // MOST_MARKERS))
     groups, shapes = [], []
     for label in reversed(shown_labels(report)):
