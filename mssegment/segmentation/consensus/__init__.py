@@ -1,0 +1,9 @@
+"""Consensus: tracks that fit the same hypotheses belong together.
+
+``draw_consensus_sets`` draws the hypotheses, ``cluster_by_consensus`` reads them and nothing else.
+"""
+
+from mssegment.segmentation.consensus.clustering import Consensus, cluster_by_consensus
+from mssegment.segmentation.consensus.drawing import draw_consensus_sets
+
+__all__ = ["Consensus", "cluster_by_consensus", "draw_consensus_sets"]

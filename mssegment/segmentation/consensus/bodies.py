@@ -1,0 +1,142 @@
+"""Complete tracks: which partition describes them best, and into how many bodies.
+
+A body is a Student-t cloud in the leading principal components of the tracks. The cost of a
+partition picks among those of one count; whether two groups are one body is decided by what their
+union would cost, against how well the tracks at their common border agree.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from itertools import combinations
+
+import numpy as np
+
+from mssegment.records import Floats, Integers
+from mssegment.segmentation.consensus.outliers import extent
+from mssegment.segmentation.consensus.spectral import embedding, partition, sharpen
+
+DIMENSIONS = 12
+"""Principal components of the tracks."""
+UNIT = 160.0
+"""The tracks spread over so many units (pixels of a picture of 640, roughly)."""
+LEAST_SPREAD = 0.5
+"""Standard deviation, in units, below which differences say nothing."""
+FREEDOM = 5.0
+"""Degrees of freedom of the Student-t cloud."""
+ROUNDS = 3
+POWERS = (4, 6, 8)
+"""Powers of the agreement that are partitioned; the cost chooses."""
+DISTINCT = 140.0
+"""Two groups are two bodies if (cost of the union - cost apart) / sqrt(tracks), over the cube root
+of the contrast at the border, is above this."""
+BORDER_TRACKS, BORDER_SHARE = 8, 4
+FEWEST = 5
+"""Tracks without which a group is no body."""
+
+
+def principal_components(points: Floats) -> Floats:
+    """The tracks [P, F, 2] in DIMENSIONS leading principal components, in units, [P, D]."""
+    vectors = points.reshape(len(points), -1)
+    vectors = (vectors - vectors.mean(axis=0)) * (UNIT / extent(points))
+    _, directions = np.linalg.eigh(vectors.T @ vectors)
+    return np.asarray(vectors @ directions[:, : -DIMENSIONS - 1 : -1])
+
+
+def cloud_cost(components: Floats, total: int) -> float:
+    """Description length (nats) of one group's tracks [n, D], as a robust Student-t cloud.
+
+    Per track (D + 5) ln(1 + q / 5) + ln|S| - 2 ln(n / ``total``), q its squared Mahalanobis
+    distance, S the covariance reweighted for outlying tracks.
+    """
+    count, dimensions = components.shape
+    weights = np.ones(count)
+    for _ in range(ROUNDS):
+        centred = components - weights @ components / weights.sum()
+        covariance = (weights[:, None] * centred).T @ centred / count
+        covariance += LEAST_SPREAD**2 * np.eye(dimensions)
+        lower = np.linalg.cholesky(covariance)
+        squared = (np.linalg.solve(lower, centred.T) ** 2).sum(axis=0)
+        weights = (dimensions + FREEDOM) / (FREEDOM + squared)
+    tails = (dimensions + FREEDOM) * np.log1p(squared / FREEDOM).sum()
+    return float(tails + 2 * count * (np.log(np.diag(lower)).sum() - np.log(count / total)))
+
+
+def partition_cost(components: Floats, labels: Integers) -> float:
+    """Sum of ``cloud_cost`` over the groups of ``labels`` [P]."""
+    return sum(cloud_cost(components[labels == group], len(labels)) for group in np.unique(labels))
+
+
+def border_contrast(agreement: Floats, gaps: Floats, first: Integers, second: Integers) -> float:
+    """How well two groups agree where they meet, against how well each agrees at such a distance.
+
+    About 1 inside one body, near 0 between two. ``agreement`` and the distances ``gaps`` are
+    [P, P]; the quarter of the smaller group nearest to the other is asked.
+    """
+    small, large = (first, second) if len(first) <= len(second) else (second, first)
+    across = gaps[np.ix_(small, large)]
+    count = min(BORDER_TRACKS, len(large))
+    partners = np.argpartition(across, count - 1, axis=1)[:, :count]
+    distance = np.take_along_axis(across, partners, axis=1).mean(axis=1)
+    border = distance.argsort(kind="stable")[: max(FEWEST, len(small) // BORDER_SHARE)]
+    between = agreement[small[border][:, None], large[partners[border]]].mean()
+    within = np.abs(gaps[np.ix_(small[border], small)] - distance[border, None])
+    within[np.arange(len(border)), border] = np.inf
+    count = min(BORDER_TRACKS, len(small) - 1)
+    partners = np.argpartition(within, count - 1, axis=1)[:, :count]
+    inside = agreement[small[border][:, None], small[partners]].mean()
+    return float((between + 1e-3) / (inside + 1e-3))
+
+
+class Bodies:
+    """The partitions of complete tracks into 1, 2, 3, ... groups, and the choice among them."""
+
+    def __init__(
+        self,
+        points: Floats,
+        agreements: Mapping[str, Floats],
+        most: int,
+        rng: np.random.Generator,
+    ) -> None:
+        """``agreements`` [P, P] by kind of evidence; at most ``most`` groups will be asked for."""
+        self._pairwise = next(iter(agreements.values()))
+        combined = np.mean(list(agreements.values()), axis=0)
+        self._components = principal_components(points)
+        place = points.mean(axis=1)
+        square = (place**2).sum(axis=1)
+        self._gaps = np.sqrt(np.maximum(square[:, None] + square - 2 * place @ place.T, 0))
+        self._vectors = [embedding(sharpen(combined, power), most) for power in POWERS]
+        self._rng = rng
+        self._best: dict[int, Integers] = {}
+
+    def best(self, groups: int) -> Integers:
+        """The partition into ``groups`` that costs least, labels 0..groups-1 [P]."""
+        if groups not in self._best:
+            found = [partition(vectors, groups, self._rng) for vectors in self._vectors]
+            if groups > 1:
+                found.sort(key=lambda labels: partition_cost(self._components, labels))
+            self._best[groups] = found[0]
+        return self._best[groups]
+
+    def count(self, least: int, most: int) -> int:
+        """The number of bodies: groups are added as long as all of them are distinct."""
+        groups = least
+        while groups < most and self.distinctness(self.best(groups + 1), groups + 1) > DISTINCT:
+            groups += 1
+        return groups
+
+    def distinctness(self, labels: Integers, groups: int) -> float:
+        """Of the two groups that are most like one body; 0 where a group is too small."""
+        members = [np.flatnonzero(labels == group) for group in range(groups)]
+        if min(map(len, members)) < FEWEST:
+            return 0.0
+        return min(self._apart(*pair) for pair in combinations(members, 2))
+
+    def _apart(self, first: Integers, second: Integers) -> float:
+        both = np.concatenate([first, second])
+        total = len(both)
+        saved = cloud_cost(self._components[both], total) - sum(
+            cloud_cost(self._components[group], total) for group in (first, second)
+        )
+        contrast = border_contrast(self._pairwise, self._gaps, first, second)
+        return float(max(saved, 0.0) / np.sqrt(total) / np.cbrt(contrast))

@@ -1,0 +1,174 @@
+"""From hypothesis sets to one label per track: consensus, count, outliers."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from mssegment.errors import DataError
+from mssegment.motions import Flags
+from mssegment.records import NOT_JUDGED, OUTLIER, Floats, HypothesisSet, Integers
+from mssegment.segmentation.consensus.bodies import Bodies
+from mssegment.segmentation.consensus.comembership import CoMembership, comembership
+from mssegment.segmentation.consensus.cuts import Cuts
+from mssegment.segmentation.consensus.evidence import EVIDENCE
+from mssegment.segmentation.consensus.outliers import first_test, second_test, two_frame_misfit
+
+MOST_MOTIONS = 8
+"""The most motions that are looked for where nobody says how many there are."""
+SMALLEST, SMALLEST_SHARE = 8, 0.02
+"""A group with fewer tracks than both is a clique of outliers, no motion."""
+
+
+@dataclass(frozen=True)
+class Consensus:
+    """The outcome: ``labels`` [P] 1..m by size, 0 outlier, -2 seen too briefly.
+
+    ``misfit`` [P] is that of ``two_frame_misfit`` (pixels); ``evidence`` names the kinds of
+    hypotheses that were read; ``notes`` are sentences for the user.
+    """
+
+    labels: Integers
+    misfit: Floats
+    evidence: tuple[str, ...]
+    notes: tuple[str, ...] = ()
+
+
+def cluster_by_consensus(
+    points: Floats,
+    sets: Sequence[HypothesisSet],
+    rng: np.random.Generator,
+    *,
+    motions: int | None = None,
+    min_motions: int = 1,
+    max_motions: int = MOST_MOTIONS,
+    eligible: Flags | None = None,
+) -> Consensus:
+    """Group the tracks ``points`` [P, F, 2] (pixels, NaN where not seen) by ``sets``.
+
+    ``motions`` is the number of motions where it is known; ``eligible`` [P] excludes tracks
+    (background), their label is 0. Raises DataError where the sets are not of consensus, or see
+    too few tracks.
+    """
+    chosen = np.arange(len(points)) if eligible is None else np.flatnonzero(eligible)
+    own = points.copy()
+    if eligible is not None:
+        own[~eligible] = np.nan
+    usable = [entry for entry in sets if len(entry.points)]
+    _check(usable)
+    misfit = two_frame_misfit(own, usable)
+    kinds = comembership(own, usable)
+    labels = np.full(len(points), OUTLIER, dtype=np.int64)
+    unseen = np.isnan(misfit)
+    labels[chosen[unseen[chosen]]] = NOT_JUDGED
+    kept = np.flatnonzero(~unseen)
+    if len(kept) < SMALLEST:
+        raise DataError(
+            f"{len(kept)} tracks are seen in a frame pair of the hypotheses; expected at least "
+            f"{SMALLEST}: give longer tracks, or more corners"
+        )
+    kept = kept[first_test(own[kept], misfit[kept])]
+    least = motions if motions else max(1, min_motions)
+    most = motions if motions else max(least, max_motions)
+    group = _group_complete if "flat" in kinds else _group_incomplete
+    found, groups = group(own, kinds, kept, misfit, (least, most), rng)
+    labels[found] = groups
+    return Consensus(_by_size(labels), misfit, tuple(kinds))
+
+
+def _group_complete(
+    points: Floats,
+    kinds: Mapping[str, CoMembership],
+    tracks: Integers,
+    misfit: Floats,
+    bounds: tuple[int, int],
+    rng: np.random.Generator,
+) -> tuple[Integers, Integers]:
+    """Tracks and their labels (0 outlier): complete tracks by bodies, the others join them."""
+    complete = tracks[np.isfinite(points[tracks]).all(axis=(1, 2))]
+    most = bounds[1]
+
+    def bodies(chosen: Integers) -> Bodies:
+        block = np.ix_(chosen, chosen)
+        agreements = {name: np.asarray(kind.mean[block], float) for name, kind in kinds.items()}
+        return Bodies(points[chosen], agreements, most, rng)
+
+    complete, labels = _without_cliques(complete, bodies, bounds)
+    partial = np.setdiff1d(tracks, np.flatnonzero(np.isfinite(points).all(axis=(1, 2))))
+    joined = _join(kinds["flat"], partial, complete, labels)
+    labels[second_test(points[complete], misfit[complete], labels)] = OUTLIER
+    return np.concatenate([complete, partial]), np.concatenate([labels, joined])
+
+
+def _group_incomplete(
+    points: Floats,
+    kinds: Mapping[str, CoMembership],
+    tracks: Integers,
+    misfit: Floats,
+    bounds: tuple[int, int],
+    rng: np.random.Generator,
+) -> tuple[Integers, Integers]:
+    """Tracks and their labels, by normalised cuts; outliers are those of the first test alone."""
+    del misfit  # a whole-track test needs whole tracks
+
+    def cuts(chosen: Integers) -> Cuts:
+        block = np.ix_(chosen, chosen)
+        own = {
+            name: CoMembership(kind.agreement[block], kind.shared[block])
+            for name, kind in kinds.items()
+        }
+        return Cuts(points[chosen], own, bounds[1], rng)
+
+    return _without_cliques(tracks, cuts, bounds)
+
+
+def _without_cliques(
+    tracks: Integers, partitions: Callable[[Integers], Bodies | Cuts], bounds: tuple[int, int]
+) -> tuple[Integers, Integers]:
+    """Groups of the tracks, labels 1..m; cliques of outliers are taken out and it starts again."""
+    while True:
+        found = partitions(tracks)
+        labels = found.best(found.count(*bounds))
+        sizes = np.bincount(labels)[labels]
+        small = sizes < max(SMALLEST, SMALLEST_SHARE * len(tracks))
+        # what is left must still be able to hold the motions
+        if not small.any() or (~small).sum() < SMALLEST * bounds[0]:
+            return tracks, labels + 1
+        tracks = tracks[~small]
+
+
+def _join(kind: CoMembership, partial: Integers, complete: Integers, labels: Integers) -> Integers:
+    """Labels of the tracks ``partial``: the group they agree with most; NOT_JUDGED without any."""
+    if not len(partial):
+        return np.zeros(0, dtype=np.int64)
+    member = np.eye(int(labels.max()) + 1)[labels][:, 1:]
+    block = np.ix_(partial, complete)
+    shared = kind.shared[block] @ member
+    agreement = kind.agreement[block] @ member / np.maximum(shared, 1)
+    return np.where(shared.any(axis=1), agreement.argmax(axis=1) + 1, NOT_JUDGED)
+
+
+def _by_size(labels: Integers) -> Integers:
+    """Motions numbered from the largest to the smallest."""
+    names, sizes = np.unique(labels[labels > 0], return_counts=True)
+    numbered = labels.copy()
+    for number, name in enumerate(names[np.argsort(-sizes, kind="stable")], 1):
+        numbered[labels == name] = number
+    return numbered
+
+
+def _check(sets: Sequence[HypothesisSet]) -> None:
+    foreign = sorted({entry.model for entry in sets} - set(EVIDENCE))
+    if foreign:
+        raise DataError(
+            f"consensus cannot read hypotheses of model {', '.join(foreign)}; expected "
+            f"{', '.join(EVIDENCE)}: hypothesize with cluster.method consensus"
+        )
+    if not any(len(entry.frames) == 2 for entry in sets):
+        raise DataError(
+            "consensus needs hypotheses between frame pairs, these are over "
+            f"{len(sets[0].frames) if sets else 0} frames; hypothesize with cluster.method "
+            "consensus"
+        )

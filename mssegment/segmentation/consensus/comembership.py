@@ -1,0 +1,77 @@
+"""Tracks that fit the same hypotheses belong together: how often two tracks mark the same ones."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from mssegment.records import Floats, HypothesisSet, Integers
+from mssegment.segmentation.consensus.evidence import EVIDENCE
+
+Singles = npt.NDArray[np.float32]
+
+
+@dataclass(frozen=True)
+class CoMembership:
+    """Agreement of every two tracks on the sets of one kind.
+
+    ``agreement`` [P, P] sums over the sets that both tracks are seen in, ``shared`` [P, P] counts
+    these sets.
+    """
+
+    agreement: Singles
+    shared: Singles
+
+    @property
+    def mean(self) -> Singles:
+        """The average over the sets that two tracks share, 0 where they share none."""
+        return np.asarray(self.agreement / np.maximum(self.shared, 1), dtype=np.float32)
+
+
+def observe(points: Floats, entry: HypothesisSet) -> tuple[Integers, Floats]:
+    """The tracks that are seen in all frames of a set, and what the set sees of them."""
+    tracks = points[:, entry.frames]
+    seen = np.flatnonzero(np.isfinite(tracks).all(axis=(1, 2)))
+    where = entry.coordinates
+    return seen, np.asarray((tracks[seen] - where.centres) / where.scale)
+
+
+def residuals_of(points: Floats, entry: HypothesisSet) -> tuple[Integers, Floats]:
+    """Tracks [n] that a set sees and their squared residuals [n, hypotheses], coordinates."""
+    seen, observed = observe(points, entry)
+    return seen, EVIDENCE[entry.model].squared_residuals(entry.points, observed)
+
+
+def comembership(points: Floats, sets: Sequence[HypothesisSet]) -> dict[str, CoMembership]:
+    """Co-membership by kind of evidence: of each set a track marks the hypotheses that fit best."""
+    total = len(points)
+    found: dict[str, CoMembership] = {}
+    for entry in sets:
+        if not len(entry.points):
+            continue
+        seen, squared = residuals_of(points, entry)
+        best = max(3, round(EVIDENCE[entry.model].share * len(entry.points)))
+        marks = mark_best(squared, min(best, len(entry.points)))
+        agreement = marks @ marks.T / np.float32(best)
+        if entry.model not in found:
+            zeros = np.zeros((total, total), dtype=np.float32)
+            found[entry.model] = CoMembership(zeros, zeros.copy())
+        kind = found[entry.model]
+        if len(seen) == total:
+            np.add(kind.agreement, agreement, out=kind.agreement)
+            np.add(kind.shared, np.float32(1), out=kind.shared)
+        else:
+            kind.agreement[np.ix_(seen, seen)] += agreement
+            kind.shared[np.ix_(seen, seen)] += 1
+    return found
+
+
+def mark_best(squared: Floats, best: int) -> Singles:
+    """1 at the ``best`` smallest of each row of [n, hypotheses], else 0."""
+    marks = np.zeros(squared.shape, dtype=np.float32)
+    smallest = np.argpartition(squared, best - 1, axis=1)[:, :best]
+    np.put_along_axis(marks, smallest, np.float32(1), axis=1)
+    return marks

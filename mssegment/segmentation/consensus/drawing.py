@@ -1,0 +1,154 @@
+"""The hypotheses that consensus reads: several sets, on frame pairs and on whole tracks.
+
+Where most tracks are complete: planar patches between frame pairs, and rank-4 subspaces over all
+frames. Where tracks begin and end anywhere: homographies and fundamental matrices between frame
+pairs, each with the tracks that both of its frames see. Nothing is invented where a track is not
+seen.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from mssegment.errors import DataError
+from mssegment.hypotheses import nearest_neighbours
+from mssegment.motions import Flags
+from mssegment.records import Floats, HypothesisSet, Integers
+from mssegment.segmentation.consensus.evidence import EVIDENCE, Evidence
+from mssegment.segmentation.consensus.outliers import first_test, two_frame_misfit
+
+PAIRS = 12
+"""Frame pairs of complete tracks, evenly spaced."""
+GAP = 0.1
+"""Gap of a pair of complete tracks, as a share of the frames."""
+GAPS, PAIRS_PER_GAP = (1, 2, 4), 6
+"""The same for tracks that begin and end anywhere: short, or too few tracks are in both."""
+PER_PAIR = 200
+"""Hypotheses per frame pair and kind."""
+WHOLE = 600
+"""Hypotheses over all frames."""
+LOCAL = 0.7
+"""Share of the subsets that are a seed and its neighbours; the others are drawn anywhere."""
+NEIGHBOURS = 24
+MOTION_WEIGHT = 3.0
+"""Weight of the displacement against the place, when neighbours are sought between two frames."""
+FEWEST = 10
+"""Tracks that a frame pair must have in common."""
+
+
+def draw_consensus_sets(
+    points: Floats, rng: np.random.Generator, *, eligible: Flags | None = None
+) -> list[HypothesisSet]:
+    """Hypothesis sets for the tracks ``points`` [P, F, 2] (pixels, NaN where not seen).
+
+    ``eligible`` [P] excludes tracks (background). Raises DataError for fewer than two frames, or
+    where no two frames share FEWEST tracks.
+    """
+    frames = points.shape[1]
+    if frames < 2:
+        raise DataError(f"consensus needs at least 2 frames, the tracks have {frames}")
+    seen = np.asarray(np.isfinite(points).all(axis=2))
+    if eligible is not None:
+        seen = seen & eligible[:, None]
+    complete = seen.all(axis=1)
+    if 2 * complete.sum() >= seen.any(axis=1).sum() and complete.sum() >= FEWEST:
+        return _draw_complete(points, seen, rng)
+    return _draw_pairs(points, seen, ("homography", "fundamental"), _short_pairs(frames), rng)
+
+
+def _draw_complete(points: Floats, seen: Flags, rng: np.random.Generator) -> list[HypothesisSet]:
+    frames = points.shape[1]
+    complete = np.flatnonzero(seen.all(axis=1))
+    near = nearest_neighbours(points[complete], NEIGHBOURS)
+    sets = []
+    for pair in _even_pairs(frames, max(1, round(GAP * frames)), PAIRS):
+        shared = np.flatnonzero(seen[:, pair].all(axis=1))
+        around = near if len(shared) == len(complete) else _pair_neighbours(points[shared][:, pair])
+        sets.append(_draw_set(EVIDENCE["flat"], points, shared, around, pair, PER_PAIR, rng))
+    if frames < 3:
+        return sets
+    trusted = complete[first_test(points[complete], two_frame_misfit(points, sets)[complete])]
+    near = nearest_neighbours(points[trusted], NEIGHBOURS)
+    every = tuple(range(frames))
+    sets.append(_draw_set(EVIDENCE["factorization"], points, trusted, near, every, WHOLE, rng))
+    return sets
+
+
+def _draw_pairs(
+    points: Floats,
+    seen: Flags,
+    names: tuple[str, ...],
+    pairs: list[tuple[int, int]],
+    rng: np.random.Generator,
+) -> list[HypothesisSet]:
+    sets = []
+    for pair in pairs:
+        shared = np.flatnonzero(seen[:, pair].all(axis=1))
+        if len(shared) < FEWEST:
+            continue
+        near = _pair_neighbours(points[shared][:, pair])
+        for name in names:
+            sets.append(_draw_set(EVIDENCE[name], points, shared, near, pair, PER_PAIR, rng))
+    if not sets:
+        raise DataError(
+            f"no two frames at a distance of {', '.join(map(str, GAPS))} share {FEWEST} tracks; "
+            "give longer tracks (match.min_length), or more corners"
+        )
+    return sets
+
+
+def _draw_set(
+    kind: Evidence,
+    points: Floats,
+    shared: Integers,
+    neighbours: Integers,
+    frames: tuple[int, ...],
+    count: int,
+    rng: np.random.Generator,
+) -> HypothesisSet:
+    """``count`` elemental subsets of the tracks ``shared``; unsound ones are left out."""
+    tracks = points[shared][:, frames]
+    coordinates = kind.coordinates(tracks)
+    observed = (tracks - coordinates.centres) / coordinates.scale
+    subsets = draw_subsets(neighbours[:, : kind.near], kind.subset_size, count, rng)
+    found, sound = kind.fit(observed[subsets])
+    return HypothesisSet(
+        model=kind.name,
+        manifold=kind.manifold(len(frames)),
+        frames=frames,
+        coordinates=coordinates,
+        subsets=shared[subsets[sound]],
+        points=found[sound],
+        drawn=count,
+    )
+
+
+def draw_subsets(neighbours: Integers, size: int, count: int, rng: np.random.Generator) -> Integers:
+    """Subsets [count, size] of distinct tracks: mostly a seed and neighbours, the rest anywhere."""
+    tracks, near = neighbours.shape
+    local = round(LOCAL * count) if near >= size - 1 else 0
+    seeds = rng.integers(tracks, size=local)
+    places = rng.random((local, near)).argsort(axis=1)[:, : size - 1]
+    around = np.take_along_axis(neighbours[seeds], places, axis=1)
+    anywhere = np.stack(
+        [rng.choice(tracks, size=size, replace=False) for _ in range(count - local)]
+    )
+    return np.concatenate([np.concatenate([seeds[:, None], around], axis=1), anywhere])
+
+
+def _pair_neighbours(matches: Floats) -> Integers:
+    """Nearest tracks by place and displacement between two frames, ``matches`` [n, 2, 2]."""
+    moved = matches[:, 1] - matches[:, 0]
+    space = np.stack([matches[:, 0], MOTION_WEIGHT * moved], axis=1)
+    return nearest_neighbours(space, NEIGHBOURS)
+
+
+def _even_pairs(frames: int, gap: int, count: int) -> list[tuple[int, int]]:
+    starts = np.unique(np.linspace(0, frames - 1 - gap, count).round().astype(int))
+    return [(int(start), int(start) + gap) for start in starts]
+
+
+def _short_pairs(frames: int) -> list[tuple[int, int]]:
+    return [
+        pair for gap in GAPS if gap < frames for pair in _even_pairs(frames, gap, PAIRS_PER_GAP)
+    ]

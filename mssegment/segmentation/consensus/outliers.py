@@ -1,0 +1,135 @@
+"""Tracks that fit no motion: two tests, one between frame pairs, one over the whole track."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from mssegment.hypotheses import nearest_neighbours
+from mssegment.motions import Flags
+from mssegment.records import Floats, HypothesisSet, Integers
+from mssegment.segmentation.consensus.comembership import residuals_of
+
+LOCAL = 20
+"""A track's misfit comes from hypotheses whose seed is among so many nearest tracks."""
+MISFIT_OF_EXTENT, MISFIT_OF_MEDIAN = 0.0125, 8.0
+"""First test: an outlier's misfit is above both shares: of the extent, and of the median misfit."""
+SECOND_OF_EXTENT, RESIDUALS_OF_MEDIAN, SECOND_OF_MEDIAN = 0.1, 6.0, 4.0
+"""Second test: (misfit over extent) x (residual over the motion's median residual) above the
+first, the residual above so many medians, and the misfit above so many median misfits."""
+FLAT_ROUNDS = 5
+AT_MOST = 0.6
+"""If more than this share of the tracks were outliers, the tests mean nothing."""
+
+
+def extent(points: Floats) -> float:
+    """How widely the tracks [P, F, 2] spread in a frame, pixels, whatever a few of them do.
+
+    1.2 times the median distance from the median point: about the rms radius.
+    """
+    middle = np.nanmedian(points, axis=0)
+    return max(1.2 * float(np.nanmedian(np.linalg.norm(points - middle, axis=-1))), 1e-9)
+
+
+def two_frame_misfit(points: Floats, sets: Sequence[HypothesisSet]) -> Floats:
+    """How badly each track [P, F, 2] fits the motions around it, pixels [P]; NaN: seen in no pair.
+
+    Per frame pair the best residual among the hypotheses that are seeded in the track's nearest
+    and not made from itself; the geometric mean over the pairs.
+    """
+    logs, counts = np.zeros(len(points)), np.zeros(len(points))
+    local = [entry for entry in sets if entry.model in ("flat", "homography") and len(entry.points)]
+    neighbours: dict[bytes, Integers] = {}
+    for entry in local:
+        seen, squared = residuals_of(points, entry)
+        own = _made_from(entry.subsets, seen, len(points))
+        squared = np.where(own, np.inf, squared)
+        key = seen.tobytes()
+        if key not in neighbours:
+            neighbours[key] = nearest_neighbours(_filled(points[seen], entry.frames), LOCAL)
+        near = np.zeros((len(seen), len(points)), dtype=bool)
+        np.put_along_axis(near, seen[neighbours[key]], True, axis=1)
+        around = near[:, entry.subsets[:, 0]]
+        best = np.where(around, squared, np.inf).min(axis=1)
+        best = np.where(np.isfinite(best), best, squared.min(axis=1))
+        usable = np.isfinite(best)
+        residual = np.sqrt(best[usable]) * entry.coordinates.scale
+        logs[seen[usable]] += np.log(np.maximum(residual, 1e-9))
+        counts[seen[usable]] += 1
+    with np.errstate(invalid="ignore"):
+        return np.exp(logs / np.where(counts > 0, counts, np.nan))
+
+
+def first_test(points: Floats, misfit: Floats) -> Flags:
+    """Which tracks pass: their misfit is not far above the others', nor large for the picture."""
+    if not np.isfinite(misfit).any():
+        return np.ones(len(points), dtype=bool)
+    limit = max(MISFIT_OF_EXTENT * extent(points), MISFIT_OF_MEDIAN * float(np.nanmedian(misfit)))
+    kept = np.asarray(~(misfit > limit))
+    return kept if kept.mean() > 1 - AT_MOST else np.ones(len(points), dtype=bool)
+
+
+def second_test(points: Floats, misfit: Floats, labels: Integers) -> Flags:
+    """Which of the complete tracks [P, F, 2] belong nowhere although they have a label (1, 2, ...).
+
+    Over the whole track: the distance from the affine 3-flat (rank 4) that is fitted robustly to
+    the other tracks of the group, against the group's median.
+    """
+    outside = np.zeros(len(points), dtype=bool)
+    usual = float(np.median(misfit[labels > 0])) if (labels > 0).any() else 0.0
+    for label in range(1, labels.max(initial=0) + 1):
+        members = np.flatnonzero(labels == label)
+        if len(members) < 6:
+            continue
+        vectors = points[members].reshape(len(members), -1)
+        residual = leave_one_out_residuals(vectors)
+        relative = residual / max(float(np.median(residual)), 1e-12)
+        product = misfit[members] / extent(points) * relative
+        outside[members] = (
+            (product > SECOND_OF_EXTENT)
+            & (relative > RESIDUALS_OF_MEDIAN)
+            & (misfit[members] > SECOND_OF_MEDIAN * usual)
+        )
+    return outside
+
+
+def leave_one_out_residuals(vectors: Floats, dimension: int = 3) -> Floats:
+    """Distance of each vector [n, d] from the robust affine flat of the *other* vectors, [n].
+
+    Reweighted principal components; r / (1 - leverage) takes each vector's own pull away.
+    """
+    weights = np.ones(len(vectors))
+    for _ in range(FLAT_ROUNDS):
+        centred = vectors - weights @ vectors / weights.sum()
+        directions = _principal(np.sqrt(weights)[:, None] * centred, dimension)
+        along = centred @ directions
+        squared = np.maximum((centred**2).sum(axis=1) - (along**2).sum(axis=1), 0.0)
+        residual = np.sqrt(squared)
+        weights = (1 + squared / (4 * np.median(squared) + 1e-18)) ** -2.0
+    scatter = (weights[:, None] * along).T @ along
+    leverage = weights * (
+        np.einsum("ni,ni->n", along @ np.linalg.pinv(scatter), along) + 1 / weights.sum()
+    )
+    return np.asarray(residual / np.maximum(1 - leverage, 0.02))
+
+
+def _principal(vectors: Floats, dimension: int) -> Floats:
+    """The leading principal directions [d, k] of vectors [n, d], by the smaller Gram matrix."""
+    tall = len(vectors) >= vectors.shape[1]
+    values, axes = np.linalg.eigh(vectors.T @ vectors if tall else vectors @ vectors.T)
+    count = max(1, min(dimension, int((values > 1e-9 * values[-1]).sum())))
+    if tall:
+        return np.asarray(axes[:, -count:])
+    return np.asarray(vectors.T @ axes[:, -count:] / np.sqrt(np.maximum(values[-count:], 1e-30)))
+
+
+def _made_from(subsets: Integers, seen: Integers, total: int) -> Flags:
+    made = np.zeros((total, len(subsets)), dtype=bool)
+    np.put_along_axis(made, subsets.T, True, axis=0)
+    return np.asarray(made[seen])
+
+
+def _filled(tracks: Floats, frames: tuple[int, ...]) -> Floats:
+    """Whole tracks where all are complete, else the frames of the set."""
+    return tracks if np.isfinite(tracks).all() else tracks[:, frames]
