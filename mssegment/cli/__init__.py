@@ -22,6 +22,7 @@ COMMANDS: dict[str, str] = {
     "hypothesize": "Tracks become motion hypotheses, points on a manifold.",
     "cluster": "Mean shift over the hypotheses: modes, motions, one label per track.",
     "report": "Tables, pictures, and the comparison with manual labels.",
+    "compare": "Several segmentations side by side.",
     "import": "Tracks from a CSV or a published data set.",
     "label": "Manual labels: draw polygons over the frames in a local page.",
     "init": "A commented config.yaml to start from.",

@@ -19,6 +19,9 @@ from mssegment.errors import UsageError
 
 Command = TypeVar("Command", bound=Callable[..., Any])
 
+FORMATS = ("text", "json", "csv", "markdown", "latex")
+"""Formats of tables, here so that ``--help`` need not load the tables themselves."""
+
 _FLAGS = {
     "background.remove": "--remove-background",
     "camera.file": "--camera",

@@ -8,6 +8,7 @@ import click
 
 from mssegment.cli import COMMANDS
 from mssegment.cli.common import (
+    FORMATS,
     Voice,
     document_argument,
     read_argument,
@@ -23,6 +24,7 @@ KEYS = (
     "report.pictures",
     "report.picture_format",
     "report.regions",
+    "report.video",
     "report.html",
 )
 
@@ -38,9 +40,10 @@ KEYS = (
 @click.option(
     "--format",
     "form",
-    type=click.Choice(["text", "json", "csv", "markdown", "latex"]),
+    type=click.Choice(FORMATS),
     help="Format of the tables on standard output.  [default: text; json with --json]",
 )
+@click.option("--show", is_flag=True, help="Show the picture in the terminal, where it can.")
 @voice_options
 def command(
     document: str,
@@ -48,6 +51,7 @@ def command(
     out: str | None,
     force: bool,
     form: str | None,
+    show: bool,
     voice: Voice,
 ) -> None:
     """Show a segmentation: the paper's tables, annotated pictures, a page.
@@ -68,4 +72,6 @@ def command(
         with voice.working("report"):
             written = results.write(out)
         voice.note(f"{', '.join(written)} in {out}")
+    if show:
+        results.show()
     sys.stdout.write(format_report(results.report, form or ("json" if voice.json else "text")))

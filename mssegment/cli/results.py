@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import dataclasses
+import os
+import sys
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -77,6 +79,10 @@ class Results:
 
             kinds = (*USUAL, "regions") if settings.regions else USUAL
             written |= render_pictures(self.report, settings.picture_format, kinds)
+        if settings.video:
+            from mssegment.rendering.video import render_video
+
+            written["motions.mp4"] = render_video(self.report)
         if settings.html:
             from mssegment.rendering.page import render_page
 
@@ -84,6 +90,19 @@ class Results:
         for name, content in written.items():
             write_bytes(str(Path(out) / name), content)
         return list(written)
+
+    def show(self) -> None:
+        """The motions in the terminal itself; raises UsageError where it can show no picture."""
+        from mssegment.rendering.pictures import scenes_of
+        from mssegment.rendering.raster import paint
+        from mssegment.rendering.terminal import protocol_of, show
+
+        protocol = protocol_of(os.environ)
+        if protocol is None or not sys.stdout.isatty():
+            raise UsageError("--show: this terminal shows no pictures; --out DIR writes them")
+        for _, scene in scenes_of(self.report, ["side-by-side"]):
+            sys.stdout.buffer.write(show(paint(scene), protocol))
+        sys.stdout.flush()
 
     def json(self) -> bytes:
         """report.json, indented."""

@@ -179,6 +179,7 @@ class ReportSettings(Section, frozen=True):
     regions: Annotated[
         bool, Meta(description="Also dense regions per motion, along the edges of the picture.")
     ] = False
+    video: Annotated[bool, Meta(description="Also motions.mp4, with trails.")] = False
     html: Annotated[bool, Meta(description="Write report.html.")] = True
 
 

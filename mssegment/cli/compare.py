@@ -1,0 +1,69 @@
+"""``mssegment compare``."""
+
+from __future__ import annotations
+
+import sys
+
+import click
+
+from mssegment.cli import COMMANDS
+from mssegment.cli.common import FORMATS, Voice, settings_options, voice_options
+from mssegment.configuration import Setting, resolve
+from mssegment.documents import SegmentationDocument, read_document, write_bytes
+from mssegment.errors import UsageError
+
+KEYS = ("report.labels", "report.label_radius")
+
+
+@click.command(
+    short_help=COMMANDS["compare"],
+    epilog="Example:  mssegment compare a.json b.json --picture comparison.png",
+)
+@click.argument("segmentations", nargs=-1, metavar="SEGMENTATION...")
+@settings_options(*KEYS)
+@click.option("--picture", metavar="FILE", help="Also draw them side by side (.png, .jpg, .svg).")
+@click.option(
+    "--format",
+    "form",
+    type=click.Choice(FORMATS),
+    help="Format of the table.  [default: text; json with --json]",
+)
+@voice_options
+def command(
+    segmentations: tuple[str, ...],
+    settings: list[Setting],
+    picture: str | None,
+    form: str | None,
+    voice: Voice,
+) -> None:
+    """Put several segmentations side by side: seeds, settings, models.
+
+    Reads two or more segmentation documents and writes a table. Where they have the same tracks it
+    also says how far each differs from the first.
+    """
+    if len(segmentations) < 2:
+        raise UsageError("two or more segmentation documents were expected")
+    from mssegment.cli.results import Results
+    from mssegment.rendering.compare import comparison_picture, format_comparison
+
+    configuration = resolve(settings)
+    reports = [
+        Results.of(read_document(path, SegmentationDocument), configuration).report
+        for path in segmentations
+    ]
+    if picture is not None:
+        content = comparison_picture(segmentations, reports, _picture_format(picture))
+        write_bytes(picture, content)
+        voice.note(f"{picture} written")
+    text = format_comparison(segmentations, reports, form or ("json" if voice.json else "text"))
+    sys.stdout.write(text)
+
+
+def _picture_format(path: str) -> str:
+    from mssegment.rendering.pictures import FORMATS as PICTURE_FORMATS
+
+    suffix = path.rpartition(".")[2].lower()
+    if suffix not in PICTURE_FORMATS:
+        known = ", ".join(f".{name}" for name in PICTURE_FORMATS)
+        raise UsageError(f"--picture {path}: the name must end in one of {known}")
+    return suffix
