@@ -34,6 +34,7 @@ class Candidates:
     residuals: Floats
     gains: Floats
     prices: Floats
+    parameters: Integers
 
     def __len__(self) -> int:
         return len(self.views)
@@ -42,7 +43,7 @@ class Candidates:
     def none(tracks: int) -> Candidates:
         """No candidates for so many tracks."""
         empty, rows = np.zeros(0, dtype=np.int64), np.zeros((0, tracks))
-        return Candidates(empty, empty, (), np.zeros(0), rows, rows, np.zeros(0))
+        return Candidates(empty, empty, (), np.zeros(0), rows, rows, np.zeros(0), empty)
 
     def take(self, index: Sequence[int] | Integers) -> Candidates:
         """The candidates ``index``."""
@@ -56,6 +57,7 @@ class Candidates:
             self.residuals[i],
             self.gains[i],
             self.prices[i],
+            self.parameters[i],
         )
 
 
@@ -69,6 +71,7 @@ def join(parts: Sequence[Candidates]) -> Candidates:
         np.concatenate([p.residuals for p in parts]),
         np.concatenate([p.gains for p in parts]),
         np.concatenate([p.prices for p in parts]),
+        np.concatenate([p.parameters for p in parts]),
     )
 
 
@@ -76,7 +79,7 @@ def join(parts: Sequence[Candidates]) -> Candidates:
 class Family:
     """One set of hypotheses with all that turns its motions into candidates.
 
-    ``index`` is the place of the set, ``price`` what one motion costs (nats).
+    ``index`` is the place of the set; ``price`` multiplies what the parameters cost.
     """
 
     index: int
@@ -128,7 +131,7 @@ class Family:
     def _made(
         self, points: Floats, scales: Floats, residuals: Floats, modes: Integers
     ) -> Candidates:
-        count = len(points)
+        count, parameters = len(points), self.view.model.parameters
         return Candidates(
             np.full(count, self.index),
             np.asarray(modes, dtype=np.int64),
@@ -136,7 +139,8 @@ class Family:
             scales,
             residuals,
             self.noise.gains(residuals, scales),
-            np.full(count, self.price),
+            self.price * self.noise.price(parameters, scales),
+            np.full(count, parameters),
         )
 
 

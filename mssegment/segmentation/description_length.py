@@ -24,7 +24,7 @@ from mssegment.records import Integers
 from mssegment.segmentation.candidates import Candidates, Family, from_modes, join
 from mssegment.segmentation.granularity import scale_range
 from mssegment.segmentation.labelling import frequency_labels, neighbour_labels
-from mssegment.segmentation.likelihood import Noise, parameter_cost, uniform_cost
+from mssegment.segmentation.likelihood import Noise, uniform_cost
 from mssegment.segmentation.refinement import refine, refit_once
 from mssegment.segmentation.selection import Choice, Chosen, Problem
 
@@ -44,13 +44,13 @@ IMPROVEMENT = 1e-3
 class Recipe:
     """What the ablation takes away, one at a time.
 
-    ``price`` is what stating one motion costs, times (p + 2)/2 ln P; ``freedom`` the degrees of
+    ``price`` multiplies what stating the parameters costs; ``freedom`` the degrees of
     freedom of the residuals' distribution (infinite: Gaussian); ``moves`` whether the set is
     changed after the start; ``neighbours`` whether labels are settled with their neighbours';
     ``ladder`` and ``stages`` the scales and refits of the candidates.
     """
 
-    price: float = 2.2
+    price: float = 1.0
     freedom: float = 2.5
     ladder: int = 4
     stages: int = 6
@@ -117,8 +117,7 @@ def make_families(problem: Problem, recipe: Recipe) -> tuple[list[Family], list[
             outlier,
             recipe.freedom,
         )
-        price = recipe.price * parameter_cost(model, len(problem.points))
-        families.append(Family(index, view, noise, price))
+        families.append(Family(index, view, noise, recipe.price))
     return families, notes
 
 
@@ -135,8 +134,10 @@ def candidate_pool(problem: Problem, families: Sequence[Family], recipe: Recipe)
 
 def worth(chosen: Candidates, bounds: Bounds, recipe: Recipe) -> float:
     """Nats that the motions save on the description of all tracks; out of bounds is far worse."""
-    _, value = frequency_labels(chosen.gains, recipe.label_cost)
-    return value - float(chosen.prices.sum()) - 1e9 * bounds.violation(len(chosen))
+    labels, value = frequency_labels(chosen.gains, recipe.label_cost)
+    inliers = np.maximum(np.bincount(labels, minlength=len(chosen) + 1)[1:], 1)
+    price = chosen.prices + recipe.price * chosen.parameters / 2 * np.log(inliers)
+    return value - float(price.sum()) - 1e9 * bounds.violation(len(chosen))
 
 
 def start(pool: Candidates, bounds: Bounds, recipe: Recipe) -> Candidates:

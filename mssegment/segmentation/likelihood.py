@@ -14,7 +14,6 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import gammaln
 
-from mssegment.motions import MotionModel
 from mssegment.records import Floats
 
 DEGREES_OF_FREEDOM = 2.5
@@ -50,6 +49,15 @@ class Noise:
             normaliser = gammaln(nu / 2) - gammaln((nu + c) / 2) + c / 2 * np.log(nu * np.pi)
             spread = normaliser + (nu + c) / 2 * np.log1p(square / nu)
         return np.asarray(self.outlier - self.free - c * np.log(scales)[:, None] - spread)
+
+    def price(self, parameters: int, scales: Floats) -> Floats:
+        """Nats to state the parameters of motions with these scales [B], for one inlier.
+
+        A parameter moves the tracks by up to the extent that their residual has without a motion,
+        and is stated to within the scale; n inliers fix it more finely, for parameters/2 ln n more.
+        """
+        extent = (self.outlier - self.free) / self.dimension
+        return np.asarray(parameters * np.maximum(extent - np.log(scales), 0.0))
 
     def weights(self, residuals: Floats, scales: Floats) -> Floats:
         """Weights of the least-squares fit that maximizes the likelihood, [B, P]."""
@@ -87,11 +95,6 @@ def uniform_cost(points: Floats) -> float:
         for f in range(1, frames)
     )
     return cost + (_log_area(points[:, 0]) if frames > 2 else 0.0)
-
-
-def parameter_cost(model: MotionModel, tracks: int) -> float:
-    """Nats to state the parameters and the scale of one motion, (p + 2)/2 ln P."""
-    return (model.parameters / 2 + 1) * float(np.log(max(tracks, 2)))
 
 
 def _log_area(points: Floats) -> float:
