@@ -239,13 +239,23 @@ def _is_picture(path: str) -> bool:
     """Whether to decode a file as a picture; anything else is tried as a video."""
     try:
         with Path(path).open("rb") as file:
-            head = file.read(16)
+            head = file.read(512)
     except OSError:
         return True  # reading it will say what is wrong
     if not head or pictures.looks_like_picture(path, head):
         return True
+    if _is_text(head):  # FFmpeg would play it as a film of letters
+        raise DataError(
+            f"{path}: a text file, expected a picture or a video "
+            "(PNG, JPEG, TIFF, BMP, PGM, WebP; MP4, AVI, ...)"
+        )
     with pictures.quiet():
         return bool(cv2.haveImageReader(path))
+
+
+def _is_text(head: bytes) -> bool:
+    """Whether the first bytes are letters, digits and spaces throughout."""
+    return all(32 <= byte < 127 or byte in b"\t\n\r\f" for byte in head)
 
 
 def _open_picture(path: str, decoded: _Decoded) -> Frame:

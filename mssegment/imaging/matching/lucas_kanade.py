@@ -141,6 +141,8 @@ def register(
     ``affine`` refines position and linear part, otherwise the position alone. The correlation is
     Gaussian weighted; it is -1 where the window came to nothing (left its picture, inverted).
     """
+    if not len(windows.first):
+        return Registered(windows.second, windows.affines, np.zeros(0))
     ratio1 = np.array([level.ratio for level in first])[windows.levels]
     ratio2 = np.array([level.ratio for level in second])[windows.levels_second]
     where = (windows.second + 0.5) / ratio2 - 0.5
