@@ -145,8 +145,14 @@ class Manifold(ABC):
         """-1/2 grad d^2(x, y), the pull of ``y`` on ``x`` in (9); zero where d is infinite."""
         return np.nan_to_num(self.log(x, y), nan=0.0)
 
-    def cloud(self, y: Floats, bandwidth: float = 1.0, precise: bool = True) -> Cloud:
-        """The points ``y`` [n, ...], prepared for mean shift; float32 if not ``precise``."""
+    def cloud(
+        self, y: Floats, bandwidth: float = 1.0, precise: bool = True, reach: float = np.inf
+    ) -> Cloud:
+        """The points ``y`` [n, ...], prepared for mean shift.
+
+        Unless ``precise``, single precision is good enough. Points further than ``reach``
+        bandwidths may be left out: their z may be infinite, and then their weight must be 0.
+        """
         return LogCloud(self, y, bandwidth)
 
     def pairwise_dist2(self, x: Floats, y: Floats) -> Floats:

@@ -74,7 +74,9 @@ class Euclidean(Manifold):
         """Zero: every array is a point."""
         return np.zeros(np.shape(x)[:-1])
 
-    def cloud(self, y: Floats, bandwidth: float = 1.0, precise: bool = True) -> Cloud:
+    def cloud(
+        self, y: Floats, bandwidth: float = 1.0, precise: bool = True, reach: float = np.inf
+    ) -> Cloud:
         """The points ``y``, centred and divided by the bandwidth."""
         spread = float(np.max(np.sum((y - y.mean(axis=0)) ** 2, axis=1))) if len(y) else 0.0
         dtype = precision(precise, spread, bandwidth)

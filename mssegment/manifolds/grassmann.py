@@ -128,7 +128,9 @@ class Grassmann(Manifold):
         """The largest entry of |x'x - I|."""
         return np.asarray(np.max(np.abs(_t(x) @ x - np.eye(self.k)), axis=(-2, -1)))
 
-    def cloud(self, y: Floats, bandwidth: float = 1.0, precise: bool = True) -> Cloud:
+    def cloud(
+        self, y: Floats, bandwidth: float = 1.0, precise: bool = True, reach: float = np.inf
+    ) -> Cloud:
         """The points ``y`` as projectors, in which d^2 is a dot product."""
         dtype = precision(precise, self.k, bandwidth)
         if dtype is None:

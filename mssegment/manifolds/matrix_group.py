@@ -15,9 +15,11 @@ import numpy as np
 
 from mssegment.errors import ConfigurationError
 from mssegment.manifolds.base import CACHE_NUMBERS, Array, Cloud, Manifold, View
-from mssegment.records import Floats
+from mssegment.records import Floats, Integers
 
 BERNOULLI_TERMS = 40
+DENSE = 0.5
+"""The share of pairs within reach above which all logarithms at once are faster."""
 
 
 class MatrixGroup(Manifold):
@@ -146,19 +148,26 @@ class MatrixGroup(Manifold):
         lengths = rng.uniform(0.1, 1.5, (size, 1, 1))
         return self.exp(e, lengths * self.random_tangent(e, rng))
 
-    def cloud(self, y: Floats, bandwidth: float = 1.0, precise: bool = True) -> Cloud:
-        """The points ``y``, entry by entry."""
-        return _GroupCloud(self, y, bandwidth)
+    def cloud(
+        self, y: Floats, bandwidth: float = 1.0, precise: bool = True, reach: float = np.inf
+    ) -> Cloud:
+        """The points ``y``, entry by entry; logarithms only for pairs that can be within reach."""
+        return _GroupCloud(self, y, bandwidth, reach)
 
 
 class _GroupCloud(Cloud):
-    """All x^-1 y of a block are one matrix product; then one batched logarithm."""
+    """All x^-1 y of a block are one matrix product; then one batched logarithm.
 
-    def __init__(self, group: MatrixGroup, y: Floats, bandwidth: float) -> None:
+    |log a|_F >= log(1 + |a - I|_F), so that pairs out of reach need no logarithm.
+    """
+
+    def __init__(self, group: MatrixGroup, y: Floats, bandwidth: float, reach: float) -> None:
         self.group, self.bandwidth = group, bandwidth
         self.size = len(y)
-        self.rows = max(1, CACHE_NUMBERS // max(1, 4 * self.size))
+        self.rows = max(1, CACHE_NUMBERS // max(1, 8 * self.size))
         self.columns = np.ascontiguousarray(np.moveaxis(y, 0, 2).reshape(group.size, -1))
+        with np.errstate(over="ignore"):
+            self.farthest2 = np.expm1(reach * bandwidth) ** 2
 
     def seen_from(self, x: Floats) -> View:
         return _GroupView(self, x)
@@ -167,16 +176,42 @@ class _GroupCloud(Cloud):
 class _GroupView(View):
     def __init__(self, cloud: _GroupCloud, x: Floats) -> None:
         self._cloud, self._x = cloud, x
-        group, n = cloud.group, cloud.size
+        group, shape = cloud.group, (len(x), cloud.size)
         inverse = np.moveaxis(np.linalg.inv(x), 0, 1)[: group.rows].reshape(-1, group.size)
-        ratio = (inverse @ cloud.columns).reshape(group.rows, len(x), group.size, n)
-        self._log = group.algebra_log(np.ascontiguousarray(np.moveaxis(ratio, 2, 1)))
-        self.z = _length2(self._log) / cloud.bandwidth**2
+        ratio = (inverse @ cloud.columns).reshape(group.rows, len(x), group.size, cloud.size)
+        ratio = np.moveaxis(ratio, 2, 1)
+        self._pairs = self._within_reach(ratio)
+        if self._pairs is None:
+            self._log = group.algebra_log(np.ascontiguousarray(ratio))
+            self.z = _length2(self._log) / cloud.bandwidth**2
+        else:
+            near = np.stack([[a.ravel()[self._pairs] for a in row] for row in ratio])
+            self._log = group.algebra_log(near)
+            self.z = np.full(shape, np.inf)
+            self.z.ravel()[self._pairs] = _length2(self._log) / cloud.bandwidth**2
+
+    def _within_reach(self, ratio: Floats) -> Integers | None:
+        """The pairs that may be within reach, or None where leaving out the others saves little."""
+        if not np.isfinite(self._cloud.farthest2):
+            return None
+        away2 = np.zeros(ratio.shape[2:])
+        for i in range(ratio.shape[0]):
+            for j in range(ratio.shape[1]):
+                off = ratio[i, j] - float(i == j)
+                away2 += off * off
+        near = np.flatnonzero(away2 <= self._cloud.farthest2)
+        return near if near.size < DENSE * away2.size else None
 
     def weighted_sum(self, weights: Array) -> tuple[Floats, Floats]:
         group = self._cloud.group
-        pull = group.pull_of(self._log)
-        sums = np.einsum("mn,ijmn->ijm", weights, np.nan_to_num(pull, nan=0.0, copy=False))
+        pull = np.nan_to_num(group.pull_of(self._log), nan=0.0, copy=False)
+        if self._pairs is None:
+            sums = np.einsum("mn,ijmn->ijm", weights, pull)
+        else:
+            near, (m, n) = weights.ravel()[self._pairs], weights.shape
+            row = self._pairs // n
+            each = [[np.bincount(row, near * p, m) for p in entries] for entries in pull]
+            sums = np.array(each)
         return self._x @ group._last(sums), weights.sum(axis=1)
 
 

@@ -9,10 +9,10 @@ from mssegment.manifolds.matrix_group import MatrixGroup
 from mssegment.records import Floats
 
 _NODES, _WEIGHTS = (
-    a.tolist() for a in (0.5 * np.array(np.polynomial.legendre.leggauss(8)) + [[0.5], [0.0]])
+    a.tolist() for a in (0.5 * np.array(np.polynomial.legendre.leggauss(16)) + [[0.5], [0.0]])
 )
-NEAR = 0.25
-"""|M - I|_F below which 8 quadrature nodes give the logarithm to 1e-15."""
+NEAR = 1.0
+"""|M - I|_F below which 16 quadrature nodes give the logarithm to 1e-14."""
 MOST_ROOTS, MOST_STEPS = 40, 20
 TAYLOR_TERMS = 14
 
@@ -98,30 +98,26 @@ def _inverse(a: Floats) -> Floats:
         return np.asarray(out / (a[0, 0] * out[0, 0] + a[0, 1] * out[1, 0] + a[0, 2] * out[2, 0]))
 
 
+def _invariants(m: Floats) -> tuple[Floats, Floats, Floats]:
+    """Trace, sum of the principal minors, determinant."""
+    a = m[1, 1] * m[2, 2] - m[1, 2] * m[2, 1]
+    b = m[1, 0] * m[2, 2] - m[1, 2] * m[2, 0]
+    c = m[1, 0] * m[2, 1] - m[1, 1] * m[2, 0]
+    minors = a + m[0, 0] * m[2, 2] - m[0, 2] * m[2, 0] + m[0, 0] * m[1, 1] - m[0, 1] * m[1, 0]
+    return m[0, 0] + m[1, 1] + m[2, 2], minors, m[0, 0] * a - m[0, 1] * b + m[0, 2] * c
+
+
 def _has_real_log(m: Floats) -> npt.NDArray[np.bool_]:
     """Whether no eigenvalue is real and <= 0.
 
     -x is an eigenvalue when x^3 + a x^2 + b x + d = 0, with a the trace, b the sum of the principal
     minors, d the determinant; for d > 0 the cubic has no root x > 0 unless its minimum is <= 0.
     """
-    a = m[0, 0] + m[1, 1] + m[2, 2]
-    cofactors = _inverse_numerators(m)
-    b = cofactors[0] + cofactors[1] + cofactors[2]
-    d = m[0, 0] * cofactors[0] - m[0, 1] * (m[1, 0] * m[2, 2] - m[1, 2] * m[2, 0])
-    d = d + m[0, 2] * (m[1, 0] * m[2, 1] - m[1, 1] * m[2, 0])
+    a, b, d = _invariants(m)
     discriminant = a * a - 3.0 * b
     x = (np.sqrt(np.maximum(discriminant, 0.0)) - a) / 3.0
     dips = (discriminant >= 0) & (x > 0) & (((x + a) * x + b) * x + d <= 0)
     return np.asarray(np.isfinite(a) & np.isfinite(b) & (d > 0) & ~dips)
-
-
-def _inverse_numerators(m: Floats) -> tuple[Floats, Floats, Floats]:
-    """The three principal minors."""
-    return (
-        m[1, 1] * m[2, 2] - m[1, 2] * m[2, 1],
-        m[0, 0] * m[2, 2] - m[0, 2] * m[2, 0],
-        m[0, 0] * m[1, 1] - m[0, 1] * m[1, 0],
-    )
 
 
 def _square_root(m: Floats) -> Floats:
@@ -137,9 +133,19 @@ def _square_root(m: Floats) -> Floats:
 
 
 def _log_near_identity(m: Floats) -> Floats:
-    """log M = integral over [0, 1] of (M - I)(I + t (M - I))^-1 dt, Gauss-Legendre."""
+    """log M = integral over [0, 1] of E (I + t E)^-1 dt, E = M - I, by Gauss and Legendre.
+
+    By Cayley and Hamilton the integrand is a polynomial in E whose coefficients need only the
+    invariants of E: (I + t E)^-1 = ((1 + t a + t^2 b) I - t (1 + t a) E + t^2 E^2) / det(I + t E).
+    """
     e = m - _identity(m)
-    total = np.zeros_like(e)
+    a, b, d = _invariants(e)
+    p, q, r = np.zeros_like(a), np.zeros_like(a), np.zeros_like(a)
     for t, w in zip(_NODES, _WEIGHTS, strict=True):
-        total += w * _inverse(_identity(e) + t * e)
-    return _product(e, total)
+        linear = 1.0 + t * a
+        quadratic = linear + (t * t) * b
+        over = w / (quadratic + t**3 * d)
+        p += quadratic * over
+        q -= t * (linear * over)
+        r += (t * t) * over
+    return _identity(e) * (r * d) + (p - r * b) * e + (q + r * a) * _product(e, e)

@@ -108,9 +108,10 @@ def ascend(
     while moving.size > until and ascent.iterations < max_iterations:
         ascent.iterations += 1
         step, density = shift(cloud, kernel, ascent.x[moving])
-        length = manifold.norm(ascent.x[moving], step)
-        _go(manifold, ascent, moving, step, density, length < NEAR * bandwidth)
-        ascent.converged[moving] = ascent.stretch[moving] * length <= tolerance * bandwidth
+        length = manifold.norm(ascent.x[moving], step) / bandwidth
+        back = _go(manifold, ascent, moving, step, density, length < NEAR)
+        arrived = ascent.stretch[moving] * length <= tolerance
+        ascent.converged[moving] = arrived & ~back
         if ascent.history is not None:
             ascent.history.append((moving, ascent.x[moving]))
         moving = moving[~ascent.converged[moving]]
@@ -126,27 +127,33 @@ def _go(
     step: Floats,
     density: Floats,
     near: npt.NDArray[np.bool_],
-) -> None:
+) -> npt.NDArray[np.bool_]:
     """One step of the ``moving``, stretched where ``near``; or back, and the plain step instead.
+
+    A stretched step is taken back where the density fell; where the gradient is not exact, where
+    the shift doubled. Returns which were.
 
     Near a mode the shift is about -(I - J)(x - mode). From the last step s and the change -y of
     the shift that it made, s's / s'y estimates (I - J)^-1 along the way: the stretch that would
     arrive, and with it the distance that is left.
     """
     last, stretch = ascent.step[moving], ascent.stretch[moving]
-    fell = (stretch > 1) & (density < (1 - FALL) * ascent.density[moving])
-    change = last - step
     axes = tuple(range(1, step.ndim))
-    gone, bend = stretch * np.sum(last * last, axis=axes), np.sum(last * change, axis=axes)
-    towards = near & ~fell & (bend > 0) & (gone > 0)
-    new = np.divide(gone, bend, out=np.ones_like(gone), where=towards)
-    back = moving[fell]
-    ascent.origin[moving[~fell]] = ascent.x[moving[~fell]]
-    ascent.step[moving[~fell]], ascent.density[moving[~fell]] = step[~fell], density[~fell]
+    last2, bend = np.sum(last * last, axis=axes), np.sum(last * (last - step), axis=axes)
+    if manifold.exact_gradient:
+        worse = density < (1 - FALL) * ascent.density[moving]
+    else:
+        worse = np.sum(step * step, axis=axes) > 4.0 * last2
+    back = worse & (stretch > 1)
+    towards = near & ~back & (bend > 0) & (stretch > 0)
+    new = np.divide(stretch * last2, bend, out=np.ones_like(bend), where=towards)
+    on = moving[~back]
+    ascent.origin[on], ascent.step[on] = ascent.x[on], step[~back]
+    ascent.density[on] = density[~back]
     ascent.stretch[moving] = np.clip(new, 1.0, MOST_STRETCH)
-    ascent.stretch[back] = 1.0
     go = _scaled(ascent.stretch[moving], ascent.step[moving])
     ascent.x[moving] = manifold.exp(ascent.origin[moving], go)
+    return np.asarray(back)
 
 
 def _follow(manifold: Manifold, ascent: Ascent, moving: Integers, within: float) -> Integers:
@@ -159,7 +166,7 @@ def _follow(manifold: Manifold, ascent: Ascent, moving: Integers, within: float)
     ahead = ahead[np.argsort(-ascent.density[ahead], kind="stable")]
     rank = np.full(len(alone), len(ahead))
     rank[ahead] = np.arange(len(ahead))
-    cloud = manifold.cloud(ascent.x[ahead], within, precise=False)
+    cloud = manifold.cloud(ascent.x[ahead], within, precise=False, reach=1.0)
     for start in range(0, len(moving), cloud.rows):
         block = moving[start : start + cloud.rows]
         near = cloud.seen_from(ascent.x[block]).z < 1.0

@@ -7,6 +7,8 @@ import numpy as np
 from mssegment.manifolds import Manifold
 from mssegment.records import Floats
 
+FIRST = 32
+"""Rows at a time; the first of them say how far the others need to look."""
 SAMPLE = 256
 """Rows whose neighbour distances are looked at: their median hardly changes with more."""
 
@@ -29,12 +31,17 @@ def nearest_neighbour_bandwidth(
         return 1.0
     sample = points if n <= SAMPLE else points[rng.choice(n, SAMPLE, replace=False)]
     neighbour = min(max(1, round(fraction * n)), n - 1)
-    cloud = manifold.cloud(points)
     nearest, closest = [], np.inf
-    for start in range(0, len(sample), cloud.rows):
-        z = np.maximum(cloud.seen_from(sample[start : start + cloud.rows]).z, 0.0)
+    reach = np.inf
+    for start in range(0, len(sample), FIRST):
+        rows = sample[start : start + FIRST]
+        z = _squared_distances(manifold, rows, points, reach)
+        if not np.isfinite(np.partition(z, neighbour, axis=1)[:, neighbour]).all():
+            z = _squared_distances(manifold, rows, points, np.inf)
         nearest.append(np.partition(z, neighbour, axis=1)[:, neighbour])
         closest = min(closest, np.min(z, initial=np.inf, where=z > _ROUNDING))
+        found = nearest[0][np.isfinite(nearest[0])]
+        reach = 1.5 * float(np.sqrt(np.max(found, initial=0.0))) or np.inf
     distances = np.sqrt(np.concatenate(nearest))
     finite = distances[np.isfinite(distances)]
     median = float(np.median(finite)) if finite.size else 0.0
@@ -45,3 +52,8 @@ def nearest_neighbour_bandwidth(
 
 _ROUNDING = 1e-13
 """Squared distances below this are rounding errors of equal points."""
+
+
+def _squared_distances(manifold: Manifold, x: Floats, points: Floats, reach: float) -> Floats:
+    z = manifold.cloud(points, reach=reach).seen_from(x).z
+    return np.asarray(np.maximum(z, 0.0), dtype=np.float64)

@@ -118,11 +118,12 @@ class MeanShift:
         precise: bool = False,
         follow: bool = False,
     ) -> Ascent:
-        cloud = self.manifold.cloud(points, self.bandwidth_, precise)
+        kernel = kernel_named(self.kernel)
+        cloud = self.manifold.cloud(points, self.bandwidth_, precise, kernel.reach(precise))
         return ascend(
             self.manifold,
             cloud,
-            kernel_named(self.kernel),
+            kernel,
             self.bandwidth_,
             starts,
             tolerance,

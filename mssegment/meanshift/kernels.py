@@ -15,6 +15,10 @@ class Kernel(ABC):
 
     name: str
 
+    def reach(self, precise: bool) -> float:
+        """Beyond so many bandwidths a point has no weight (or none that matters)."""
+        return np.inf
+
     @abstractmethod
     def profile(self, z: Array) -> Array:
         """k(z)."""
@@ -32,6 +36,10 @@ class Gaussian(Kernel):
 
     name = "gaussian"
 
+    def reach(self, precise: bool) -> float:
+        """Weights below 1e-15 are nothing, and below 1e-6 move no trajectory to another mode."""
+        return 8.5 if precise else 5.5
+
     def profile(self, z: Array) -> Array:
         """exp(-z / 2)."""
         return np.asarray(np.exp(-0.5 * z))
@@ -46,25 +54,34 @@ class TruncatedGaussian(Kernel):
     """The Gaussian profile lowered to reach 0 at d = 3 h, where it ends."""
 
     name = "truncated"
-    reach = 3.0
+    edge = 3.0
+
+    def reach(self, precise: bool) -> float:
+        """3."""
+        return self.edge
 
     def profile(self, z: Array) -> Array:
-        """(exp(-z / 2) - e) / (1 - e), e = exp(-reach^2 / 2); 0 beyond the reach."""
-        edge = np.exp(-0.5 * self.reach**2)
-        return np.asarray(np.maximum(np.exp(-0.5 * z) - edge, 0) / (1 - edge))
+        """(exp(-z / 2) - e) / (1 - e), e = exp(-9 / 2); 0 beyond 3 h."""
+        at_edge = float(np.exp(-0.5 * self.edge**2))
+        return np.asarray(np.maximum(np.exp(-0.5 * z) - at_edge, 0) / (1 - at_edge))
 
     def weigh(self, z: Array) -> tuple[Array, Array | None]:
-        """g is the Gaussian inside the reach, 0 outside."""
-        inside = z < self.reach**2
+        """g is the Gaussian inside the edge, 0 outside."""
+        inside = z < self.edge**2
         weights = np.exp(-0.5 * z) * inside
-        edge = float(np.exp(-0.5 * self.reach**2))
-        return weights, (weights.sum(axis=1) - edge * inside.sum(axis=1)) / (1 - edge)
+        at_edge = float(np.exp(-0.5 * self.edge**2))
+        profile = (weights.sum(axis=1) - at_edge * inside.sum(axis=1)) / (1 - at_edge)
+        return weights, profile
 
 
 class Epanechnikov(Kernel):
     """k(z) = max(0, 1 - z): g is 1 within the bandwidth, so the shift is a plain local mean."""
 
     name = "epanechnikov"
+
+    def reach(self, precise: bool) -> float:
+        """1."""
+        return 1.0
 
     def profile(self, z: Array) -> Array:
         """max(0, 1 - z)."""

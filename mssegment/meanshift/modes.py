@@ -19,7 +19,7 @@ def merge(
     order = np.argsort(-density, kind="stable")
     ordered = x[order]
     joined = np.arange(len(x))
-    cloud = manifold.cloud(ordered, within)
+    cloud = manifold.cloud(ordered, within, reach=1.0)
     for start in range(0, len(x), cloud.rows):
         rows, columns = np.nonzero(cloud.seen_from(ordered[start : start + cloud.rows]).z < 1.0)
         rows += start
