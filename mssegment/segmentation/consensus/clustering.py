@@ -69,10 +69,11 @@ def cluster_by_consensus(
             f"{len(kept)} tracks are seen in a frame pair of the hypotheses; expected at least "
             f"{SMALLEST}: give longer tracks, or more corners"
         )
-    kept = kept[first_test(own[kept], misfit[kept])]
+    perspective = "flat" not in kinds
+    kept = kept[first_test(own[kept], misfit[kept], perspective=perspective)]
     least = motions if motions else max(1, min_motions)
     most = motions if motions else max(least, max_motions)
-    group = _group_complete if "flat" in kinds else _group_incomplete
+    group = _group_incomplete if perspective else _group_complete
     found, groups = group(own, kinds, kept, misfit, (least, most), rng)
     labels[found] = groups
     return Consensus(_by_size(labels), misfit, tuple(kinds))

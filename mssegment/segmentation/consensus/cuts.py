@@ -22,9 +22,9 @@ JUDGE = 4
 """The power of the averaged agreement in which cuts are compared."""
 SPARE = 2
 """Partitions into so many groups too many are merged down."""
-JOINED = 0.18
+JOINED = 0.15
 """Two groups are one body if their agreement, over that inside them, by homographies times by
-fundamental matrices, times the cube root of the contrast at the border, is above this."""
+fundamental matrices, times the sixth root of the contrast at the border, is above this."""
 FEWEST = 8
 """Tracks without which a group is no body."""
 
@@ -46,8 +46,9 @@ class Cuts:
         self._judge = sharpen(average, JUDGE)
         self._degrees = self._judge.sum(axis=1)
         self._contrast = np.asarray(means[0], dtype=np.float64)
-        with np.errstate(invalid="ignore"):
-            place = np.nanmean(points, axis=1)
+        seen = np.isfinite(points).all(axis=2)
+        total = np.where(seen[..., None], points, 0.0).sum(axis=1)
+        place = total / np.maximum(seen.sum(axis=1), 1)[:, None]
         square = (place**2).sum(axis=1)
         self._gaps = np.sqrt(np.maximum(square[:, None] + square - 2 * place @ place.T, 0))
         sources = [*means, average] if len(means) > 1 else means
@@ -94,7 +95,7 @@ class Cuts:
         for kind in self._kinds:
             inside = _agreement(kind, one, one) * _agreement(kind, two, two)
             product *= _agreement(kind, one, two) / max(np.sqrt(inside), 1e-12)
-        return product * float(np.cbrt(border_contrast(self._contrast, self._gaps, one, two)))
+        return product * border_contrast(self._contrast, self._gaps, one, two) ** (1 / 6)
 
     def _propose(self, groups: int) -> list[Integers]:
         if groups not in self._proposed:

@@ -17,6 +17,8 @@ from mssegment.records import Floats, HypothesisSet, Integers
 from mssegment.segmentation.consensus.evidence import EVIDENCE, Evidence
 from mssegment.segmentation.consensus.outliers import first_test, two_frame_misfit
 
+COMPLETE = 0.75
+"""From this share of complete tracks on, whole tracks are evidence too."""
 PAIRS = 12
 """Frame pairs of complete tracks, evenly spaced."""
 GAP = 0.1
@@ -51,7 +53,7 @@ def draw_consensus_sets(
     if eligible is not None:
         seen = seen & eligible[:, None]
     complete = seen.all(axis=1)
-    if 2 * complete.sum() >= seen.any(axis=1).sum() and complete.sum() >= FEWEST:
+    if complete.sum() >= max(COMPLETE * seen.any(axis=1).sum(), FEWEST):
         return _draw_complete(points, seen, rng)
     return _draw_pairs(points, seen, ("homography", "fundamental"), _short_pairs(frames), rng)
 

@@ -15,6 +15,8 @@ LOCAL = 20
 """A track's misfit comes from hypotheses whose seed is among so many nearest tracks."""
 MISFIT_OF_EXTENT, MISFIT_OF_MEDIAN = 0.0125, 8.0
 """First test: an outlier's misfit is above both shares: of the extent, and of the median misfit."""
+PERSPECTIVE_OF_EXTENT, PERSPECTIVE_OF_MEDIAN = 0.08, 20.0
+"""The same where perspective is strong: tracks without a plane near them misfit, and are right."""
 SECOND_OF_EXTENT, RESIDUALS_OF_MEDIAN, SECOND_OF_MEDIAN = 0.1, 6.0, 4.0
 """Second test: (misfit over extent) x (residual over the motion's median residual) above the
 first, the residual above so many medians, and the misfit above so many median misfits."""
@@ -61,11 +63,14 @@ def two_frame_misfit(points: Floats, sets: Sequence[HypothesisSet]) -> Floats:
         return np.exp(logs / np.where(counts > 0, counts, np.nan))
 
 
-def first_test(points: Floats, misfit: Floats) -> Flags:
+def first_test(points: Floats, misfit: Floats, *, perspective: bool = False) -> Flags:
     """Which tracks pass: their misfit is not far above the others', nor large for the picture."""
     if not np.isfinite(misfit).any():
         return np.ones(len(points), dtype=bool)
-    limit = max(MISFIT_OF_EXTENT * extent(points), MISFIT_OF_MEDIAN * float(np.nanmedian(misfit)))
+    of_extent, of_median = MISFIT_OF_EXTENT, MISFIT_OF_MEDIAN
+    if perspective:
+        of_extent, of_median = PERSPECTIVE_OF_EXTENT, PERSPECTIVE_OF_MEDIAN
+    limit = max(of_extent * extent(points), of_median * float(np.nanmedian(misfit)))
     kept = np.asarray(~(misfit > limit))
     return kept if kept.mean() > 1 - AT_MOST else np.ones(len(points), dtype=bool)
 
