@@ -140,7 +140,7 @@ def format_table(table: Table, form: str) -> str:
 
 
 def number(value: float | None, digits: int = 3) -> str:
-    """A number with ``digits`` significant digits, with an exponent only below 1e-4 and from 1e6 on."""
+    """A number with ``digits`` significant digits, an exponent only below 1e-4 and from 1e6 on."""
     if value is None or value != value:
         return "-"
     if value == 0:

@@ -16,6 +16,7 @@ from mssegment.rendering.tables import density, number
 
 SIDE = 480.0
 """Side of the manifold's drawing, in its own units."""
+OTHER_MODES = 3
 
 
 def manifold_svg(report: Report, view: Projection) -> str:
@@ -50,24 +51,29 @@ def manifold_svg(report: Report, view: Projection) -> str:
 
 def _modes(report: Report, view: Projection) -> list[str]:
     half = SIDE / 2
-    parts = []
-    used = [i for i, index in enumerate(view.mode_indices) if i < 12]
-    for i in reversed(used):
+    parts: list[str] = []
+    named: list[Floats] = []
+    modes = [report.segmentation.modes[index] for index in view.mode_indices]
+    # the motions, and the strongest few that are none: more names would cover each other
+    rest = [i for i, mode in enumerate(modes) if not mode.motion][:OTHER_MODES]
+    for i in [*(i for i, mode in enumerate(modes) if mode.motion), *rest]:
         place = half + 0.92 * half * view.modes[i]
         if not np.isfinite(place).all():
             continue
-        mode = report.segmentation.modes[view.mode_indices[i]]
+        mode = modes[i]
         look, name = mark(mode.motion), label_class(mode.motion)
         shape = OUTLINES[look.shape] * (9.0 if mode.motion else 5.0) + place
         corners = "L".join(f"{x:.1f} {y:.1f}" for x, y in shape)
         title = f"mode M{view.mode_indices[i] + 1}, {mode.hypotheses} hypotheses, "
         title += f"kernel density {density(mode.kde)}"
-        parts.append(
-            f'<g class="mode {name}"><title>{escape(title)}</title><path d="M{corners}Z"/>'
-            f'<text x="{place[0] + 13:.1f}" y="{place[1] + 4:.1f}">M{view.mode_indices[i] + 1}'
-            f"</text></g>"
-        )
-    return parts
+        text = ""
+        if all(abs(x - place[0]) > 36 or abs(y - place[1]) > 15 for x, y in named):
+            named.append(place)
+            text = f'<text x="{place[0] + 13:.1f}" y="{place[1] + 4:.1f}">'
+            text += f"M{view.mode_indices[i] + 1}</text>"
+        drawn = f'<title>{escape(title)}</title><path d="M{corners}Z"/>{text}'
+        parts.append(f'<g class="mode {name}">{drawn}</g>')
+    return parts[::-1]
 
 
 def _disc() -> str:
@@ -94,15 +100,19 @@ def _disc() -> str:
 
 
 def _axes(view: Projection) -> str:
+    """The frame of the tangent space, the two axes through its base, and a measure."""
     half, reach = SIDE / 2, 0.92 * SIDE / 2
     low, high = half - reach, half + reach
-    label = number(view.radius, 2)
+    x, y = half + reach * view.origin[0], half + reach * view.origin[1]
+    length = 10.0 ** np.floor(np.log10(view.radius))
+    length *= max(f for f in (0.5, 1.0, 2.0, 5.0) if f * length <= view.radius)
+    measure = reach * length / view.radius
     return (
         f'<rect class="rim" x="{low:.1f}" y="{low:.1f}" width="{2 * reach:.1f}" '
         f'height="{2 * reach:.1f}" rx="6"/>'
-        f'<path class="grid" d="M{low:.1f} {half}H{high:.1f}M{half} {low:.1f}V{high:.1f}"/>'
-        f'<text class="tick" x="{low + 5:.1f}" y="{half - 5}">−{label}</text>'
-        f'<text class="tick end" x="{high - 5:.1f}" y="{half - 5}">{label}</text>'
+        f'<path class="grid" d="M{low:.1f} {y:.1f}H{high:.1f}M{x:.1f} {low:.1f}V{high:.1f}"/>'
+        f'<path class="measure" d="M{low + 12:.1f} {high - 12:.1f}h{measure:.1f}"/>'
+        f'<text class="tick" x="{low + 12:.1f}" y="{high - 18:.1f}">{length:g}</text>'
     )
 
 

@@ -16,10 +16,12 @@ from mssegment.manifolds import Manifold, from_name
 from mssegment.records import Floats, Integers
 from mssegment.rendering.report import Report
 
-MOST_POINTS = 600
+MOST_POINTS = 400
 MOST_AXES = 150
-PATHS = 24
-STEPS = 25
+PATHS = 16
+STEPS = 20
+SMALL_MODE = 0.01
+"""A mode with less than this share of the hypotheses has no say in what the view shows."""
 
 
 @dataclass(frozen=True)
@@ -43,6 +45,8 @@ class Projection:
     path_labels: tuple[int, ...]
     shown: float | None
     radius: float
+    origin: tuple[float, float]
+    """Where the base of the tangent space appears."""
     hidden: int
     """How many hypotheses lie outside of the view or have no logarithm."""
 
@@ -66,12 +70,14 @@ def project(report: Report, index: int) -> Projection | None:
     if hemisphere:
         placed, at_modes = _on_disc(points), _on_disc(centres)
         drawn = tuple(_on_disc(path) for path in paths)
-        shown, radius = None, 1.0
+        shown, radius, origin = None, 1.0, (0.0, 0.0)
     else:
-        flat = _Tangent(manifold, centres[0], points[labels > 0] if (labels > 0).any() else points)
+        flat = _Tangent(
+            manifold, centres[0], _crowd(report, index, chosen), _motions(report, modes)
+        )
         placed, at_modes = flat.place(points), flat.place(centres)
         drawn = tuple(flat.place(path) for path in paths)
-        shown, radius = flat.shown, flat.radius
+        shown, radius, origin = flat.shown, flat.radius, flat.origin
     placed, hidden = _within(placed)
     return Projection(
         manifold=chosen_set.manifold,
@@ -85,6 +91,7 @@ def project(report: Report, index: int) -> Projection | None:
         path_labels=path_labels,
         shown=shown,
         radius=radius,
+        origin=origin,
         hidden=hidden,
     )
 
@@ -106,6 +113,30 @@ def _labels(report: Report, index: int, modes: list[int]) -> Integers:
     motions = np.array([mode.motion for mode in report.segmentation.modes] + [0])
     inside = (assignment >= 0) & (assignment < len(motions) - 1)
     return np.asarray(motions[np.where(inside, assignment, -1)], dtype=np.int64)
+
+
+def _crowd(report: Report, index: int, chosen: Integers) -> Floats:
+    """The chosen hypotheses without those that shift to a mode of hardly any."""
+    points = report.sets[index].points
+    counts = np.array([mode.hypotheses for mode in report.segmentation.modes])
+    if index >= len(report.segmentation.assignments):
+        return points[chosen]
+    assignment = report.segmentation.assignments[index][chosen]
+    inside = (assignment >= 0) & (assignment < len(counts))
+    sizes = np.where(inside, counts[np.where(inside, assignment, 0)], 0)
+    crowd = points[chosen[sizes >= SMALL_MODE * len(points)]]
+    return crowd if len(crowd) else points[chosen]
+
+
+def _motions(report: Report, modes: list[int]) -> Floats:
+    """The modes of a set that became motions, the strongest mode first in any case."""
+    return np.array(
+        [
+            report.segmentation.modes[i].point
+            for k, i in enumerate(modes)
+            if k == 0 or report.segmentation.modes[i].motion > 0
+        ]
+    )
 
 
 def _starts(labels: Integers) -> npt.NDArray[np.int64]:
@@ -146,9 +177,12 @@ def _on_disc(points: Floats) -> Floats:
 
 
 class _Tangent:
-    """The two directions of widest spread in the tangent space at ``base``."""
+    """The two directions of widest spread in the tangent space at ``base``.
 
-    def __init__(self, manifold: Manifold, base: Floats, points: Floats) -> None:
+    The view holds nearly all of ``points``, and all of ``motions``.
+    """
+
+    def __init__(self, manifold: Manifold, base: Floats, points: Floats, motions: Floats) -> None:
         self.manifold, self.base = manifold, base
         tangents = self._log(points)
         tangents = tangents[np.isfinite(tangents).reshape(len(tangents), -1).all(axis=1)]
@@ -158,11 +192,16 @@ class _Tangent:
         values, vectors = np.maximum(values[::-1], 0.0), vectors[:, ::-1]
         self.axes = vectors[:, :2] / np.sqrt(np.maximum(values[:2], 1e-300))
         self.shown = float(values[:2].sum() / values.sum()) if values.sum() > 0 else 1.0
-        self.radius = 1.0
-        spread = np.abs(self.place(points)).max(axis=1)
-        spread = spread[np.isfinite(spread)]
-        self.radius = 1.15 * float(np.quantile(spread, 0.97)) if len(spread) else 1.0
-        self.radius = self.radius or 1.0
+        self.centre, self.radius = np.zeros(2), 1.0
+        places, must = self.place(points), self.place(motions)
+        places = places[np.isfinite(places).all(axis=1)]
+        must = np.concatenate([np.zeros((1, 2)), must[np.isfinite(must).all(axis=1)]])
+        if len(places):
+            low, high = np.quantile(places, [0.02, 0.98], axis=0)
+            low, high = np.minimum(low, must.min(axis=0)), np.maximum(high, must.max(axis=0))
+            self.centre = (low + high) / 2
+            self.radius = 0.6 * float((high - low).max()) or 1.0
+        self.origin = (float(-self.centre[0]) / self.radius, float(-self.centre[1]) / self.radius)
 
     def _log(self, points: Floats) -> Floats:
         with np.errstate(all="ignore"):
@@ -175,7 +214,7 @@ class _Tangent:
         fine = np.isfinite(tangents).reshape(len(points), -1).all(axis=1)
         if len(self.frame):
             products = self.manifold.inner(self.base, tangents[fine][:, None], self.frame[None])
-            flat = products @ self.axes / self.radius
+            flat = products @ self.axes
             placed[fine, : flat.shape[1]] = flat
             placed[fine, flat.shape[1] :] = 0.0
-        return placed
+        return (placed - self.centre) / self.radius

@@ -21,7 +21,7 @@ from mssegment.rendering.report import Report
 from mssegment.rendering.style import mark
 from mssegment.rendering.tables import density, fixed, number
 
-MOST_MODES = 20
+MOST_MODES = 12
 MOST_SETS = 3
 ROWS = 25
 """Rows of the table of tracks on one of its pages."""
@@ -79,7 +79,9 @@ def modes_html(report: Report) -> str:
         return "<p>No mode was found.</p>"
     highest = max([mode.kde for mode in modes if np.isfinite(mode.kde)], default=1.0) or 1.0
     rows = []
-    for i, mode in enumerate(modes[:MOST_MODES]):
+    shown = [i for i, mode in enumerate(modes) if i < MOST_MODES or mode.motion > 0]
+    for i in shown:
+        mode = modes[i]
         share = 100 * mode.kde / highest if np.isfinite(mode.kde) else 0.0
         bar = (
             f'<svg class="bar {label_class(mode.motion)}" viewBox="0 0 100 10" '
@@ -92,7 +94,7 @@ def modes_html(report: Report) -> str:
         rows.append(_row(f"M{i + 1}", cells))
     header = ["mode", "hypotheses", "kernel density", "", "became"]
     header += ["set"] if len(report.sets) > 1 else []
-    more = len(modes) - MOST_MODES
+    more = len(modes) - len(shown)
     note = f"<p class='hint'>{more} weaker modes are left out.</p>" if more > 0 else ""
     return f"<p>{escape(_decision(report))}</p>" + _table("Modes", header, rows) + note
 
