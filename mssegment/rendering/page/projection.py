@@ -156,14 +156,12 @@ def _paths(
     bandwidths = report.segmentation.bandwidths
     if index >= len(bandwidths) or not 0 < bandwidths[index] < np.inf:
         return []
-    from mssegment.meanshift.ascent import shift
-    from mssegment.meanshift.kernels import Gaussian
-
-    cloud = manifold.cloud(report.sets[index].points[chosen], bandwidths[index])
-    x = report.sets[index].points[chosen][starts]
+    cloud, h = report.sets[index].points[chosen], bandwidths[index]
+    x = cloud[starts]
     steps = [x]
     for _ in range(STEPS):
-        x = manifold.exp(x, shift(cloud, Gaussian(), x)[0])
+        weights = np.exp(-0.5 * manifold.pairwise_dist2(x, cloud) / h**2)
+        x = manifold.exp(x, manifold.mean_tangent(x, cloud, weights))
         steps.append(x)
     return list(np.stack(steps, axis=1))
 
