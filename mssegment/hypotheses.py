@@ -30,13 +30,13 @@ AGREEMENT = 0.02
 """How near a confirming track must be, over the rms radius of the tracks (about 3 px in 640)."""
 PATH_WEIGHT = 10.0
 """Weight of the shape of a path against its place, when neighbours are sought over many frames."""
-FEWEST, MOST = 300, 4000
+FEWEST, MOST = 300, 2000
 """Bounds of an automatic number of hypotheses."""
 PATIENCE = 60
 """Subsets drawn per hypothesis asked for, before the sampler gives up."""
 POLISHINGS = 2
 """Least-squares rounds on a confirmed hypothesis and the tracks that confirm it."""
-BATCH = 512
+BATCH = 192
 """Subsets fitted at a time; one batch needs [BATCH, tracks] residuals."""
 
 
