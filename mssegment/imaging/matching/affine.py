@@ -32,6 +32,8 @@ CORRELATION = 0.8
 SINGULAR_VALUES = (0.35, 2.8)
 ANISOTROPY = 3.0
 THINNING = 3.0
+CONFIRMING = (2, 4)
+"""Support asked for at first, among neighbours many of which are wrong, and then."""
 GROWTH_ROUNDS = 3
 GROWTH_NEIGHBOURS = 3
 GROWTH_RADIUS = 40.0
@@ -43,13 +45,17 @@ PROMISING = 0.4
 
 @dataclass(frozen=True)
 class _Matches:
-    """Matches: positions [n, 2] in both pictures, local affines, correlation, corner in view 1."""
+    """Matches: positions [n, 2] in both pictures, local affines, correlation, corner in view 1.
+
+    ``born`` [n] is the round of growth that found each, 0 for the patches.
+    """
 
     first: Floats
     second: Floats
     affines: Floats
     correlation: Floats
     corner: Indices
+    born: Indices
 
     def __getitem__(self, rows: Indices | npt.NDArray[np.bool_]) -> _Matches:
         return _Matches(
@@ -58,6 +64,7 @@ class _Matches:
             self.affines[rows],
             self.correlation[rows],
             self.corner[rows],
+            self.born[rows],
         )
 
     def and_(self, other: _Matches) -> _Matches:
@@ -67,6 +74,7 @@ class _Matches:
             np.concatenate([self.affines, other.affines]),
             np.concatenate([self.correlation, other.correlation]),
             np.concatenate([self.corner, other.corner]),
+            np.concatenate([self.born, other.born]),
         )
 
 
@@ -88,11 +96,9 @@ def match(
     first, second = two_views("affine", pictures, corners)
     found = _seeds(first, second, ratio, correlation)
     found = _confirmed(found)
-    for _ in range(rounds):
-        grown = _grow(first, second, found)
-        before = len(found.first)
-        found = _confirmed(found.and_(grown))
-        if len(found.first) <= before * 1.02:
+    for number in range(1, rounds + 1):
+        found = _confirmed(found.and_(_grow(first, second, found, number)))
+        if not (found.born == number).any():
             break
     found = found[np.argsort(-found.correlation, kind="stable")]
     return Tracks(points=np.stack([found.first, found.second], axis=1), affines=found.affines)
@@ -118,7 +124,7 @@ def _seeds(first: View, second: View, ratio: float, correlation: float) -> _Matc
     )
     refined = register(first.pyramid, second.pyramid, windows)
     good = _credible(windows, refined, second, DRIFT, correlation)
-    return _as_matches(windows, refined, c1)[good]
+    return _as_matches(windows, refined, c1, 0)[good]
 
 
 def _credible(
@@ -136,21 +142,31 @@ def _credible(
     return np.asarray(sane & inside & near & (refined.correlation > correlation))
 
 
-def _as_matches(windows: Windows, refined: Registered, corner: Indices) -> _Matches:
-    return _Matches(windows.first, refined.second, refined.affines, refined.correlation, corner)
+def _as_matches(windows: Windows, refined: Registered, corner: Indices, born: int) -> _Matches:
+    return _Matches(
+        windows.first,
+        refined.second,
+        refined.affines,
+        refined.correlation,
+        corner,
+        np.full(len(corner), born),
+    )
 
 
 def _confirmed(found: _Matches) -> _Matches:
     """One match per few pixels, the best, and only what its neighbours confirm, twice over."""
     found = found[np.argsort(-found.correlation, kind="stable")]
     found = found[spread(found.first, THINNING)]
-    for _ in range(2):
-        found = found[support.supported(found.first, found.second, found.affines, 1.0)]
+    for least in CONFIRMING:
+        found = found[support.supported(found.first, found.second, found.affines, least)]
     return found
 
 
-def _grow(first: View, second: View, found: _Matches) -> _Matches:
-    """Matches for corners that have none yet, at the places that their neighbours predict."""
+def _grow(first: View, second: View, found: _Matches, number: int) -> _Matches:
+    """Matches for corners that have none yet, at the places that their neighbours predict.
+
+    Round ``number`` asks only neighbours that the round before has found: the others have spoken.
+    """
     if not len(found.first):
         return found
     gap = support.distance_to(first.points, found.first)
@@ -159,6 +175,8 @@ def _grow(first: View, second: View, found: _Matches) -> _Matches:
         return found[free]
     radius = GROWTH_RADIUS * size_unit(first.pyramid[0].grey)
     rows, near = support.nearest_matches(first.points[free], found.first, GROWTH_NEIGHBOURS, radius)
+    news = found.born[near] == number - 1
+    rows, near = rows[news], near[news]
     corner = free[rows]
     affines = found.affines[near]
     windows = Windows(
@@ -176,7 +194,7 @@ def _grow(first: View, second: View, found: _Matches) -> _Matches:
     windows, corner = windows[best], corner[best]
     refined = register(first.pyramid, second.pyramid, windows)
     good = _credible(windows, refined, second, GROWTH_DRIFT, GROWTH_CORRELATION)
-    return _as_matches(windows, refined, corner)[good]
+    return _as_matches(windows, refined, corner, number)[good]
 
 
 def _level_for(second: View, scales: Floats, affines: Floats) -> Indices:

@@ -10,26 +10,25 @@ from mssegment.imaging.matching.views import Indices
 from mssegment.records import Floats
 
 NEIGHBOURS = 10
-CONFIRMING = 4
 TOLERANCE = 3.0
 TOLERANCE_PER_DISTANCE = 0.15
 
 
-def supported(first: Floats, second: Floats, affines: Floats, unit: float) -> npt.NDArray[np.bool_]:
-    """Which matches [n] at least 4 of their 10 nearest in view 1 confirm by their local affines.
+def supported(first: Floats, second: Floats, affines: Floats, least: int) -> npt.NDArray[np.bool_]:
+    """Which matches [n] ``least`` of their 10 nearest in view 1 confirm by their local affines.
 
     A neighbour confirms where its affine predicts this match's position in view 2 within the
-    greater of 3 ``unit`` pixels and 0.15 of the distance between the two in view 1.
+    greater of 3 pixels and 0.15 of the distance between the two in view 1.
     """
     count = min(NEIGHBOURS, len(first) - 1)
-    if count < CONFIRMING:
+    if count < least:
         return np.zeros(len(first), bool)
     distance, index = cKDTree(first).query(first, count + 1)
     distance, index = distance[:, 1:], index[:, 1:]
     predicted = predict(first[:, None], first[index], second[index], affines[index])
     miss = np.linalg.norm(predicted - second[:, None], axis=2)
-    allowed = np.maximum(TOLERANCE * unit, TOLERANCE_PER_DISTANCE * distance)
-    return np.asarray((miss < allowed).sum(axis=1) >= CONFIRMING)
+    allowed = np.maximum(TOLERANCE, TOLERANCE_PER_DISTANCE * distance)
+    return np.asarray((miss < allowed).sum(axis=1) >= least)
 
 
 def predict(points: Floats, first: Floats, second: Floats, affines: Floats) -> Floats:
