@@ -43,28 +43,38 @@ def _paint_item(canvas: Picture, item: scenes.Item) -> None:
 
 
 def _fixed(points: Floats) -> Any:
-    return np.round(points * (1 << _SHIFT)).astype(np.int32)
+    return np.rint(points * (1 << _SHIFT)).astype(np.int32)
 
 
 def _markers(canvas: Picture, item: scenes.Markers) -> None:
     outline = scenes.OUTLINES[item.shape]
     inner = _fixed(item.points[:, None] + outline * item.radius)
-    outer = _fixed(item.points[:, None] + outline * (item.radius + item.halo))
     convex = item.shape not in ("star", "plus", "cross")
-    for i in range(len(inner)):
-        if item.halo:
-            _fill(canvas, outer[i], PAPER, convex)
-        if item.shape == "ring":
-            cv2.polylines(canvas, [inner[i]], True, bgr(item.colour), 1, cv2.LINE_AA, _SHIFT)
-        else:
-            _fill(canvas, inner[i], item.colour, convex)
-
-
-def _fill(canvas: Picture, polygon: Any, colour: Colour, convex: bool = True) -> None:
-    if convex:
-        cv2.fillConvexPoly(canvas, polygon, bgr(colour), cv2.LINE_AA, _SHIFT)
+    if item.shape == "ring":
+        cv2.polylines(canvas, list(inner), True, bgr(item.colour), 1, cv2.LINE_AA, _SHIFT)
+    elif not item.halo:
+        _fill(canvas, inner, item.colour, convex)
     else:
-        cv2.fillPoly(canvas, [polygon], bgr(colour), cv2.LINE_AA, _SHIFT)
+        outer = _fixed(item.points[:, None] + outline * (item.radius + item.halo))
+        # rim and marker by turns: one marker may cover another, but not half of it
+        both = np.stack([outer, inner], axis=1).reshape(-1, *outline.shape)
+        _fill(canvas, both, PAPER, convex, item.colour)
+
+
+def _fill(
+    canvas: Picture,
+    polygons: Any,
+    colour: Colour,
+    convex: bool = True,
+    every_second: Colour | None = None,
+) -> None:
+    """Fills polygons [n, corners, 2] one by one, every second one in another colour if given."""
+    colours = bgr(colour), bgr(every_second or colour)
+    for i, polygon in enumerate(polygons):
+        if convex:
+            cv2.fillConvexPoly(canvas, polygon, colours[i & 1], cv2.LINE_AA, _SHIFT)
+        else:
+            cv2.fillPoly(canvas, [polygon], colours[i & 1], cv2.LINE_AA, _SHIFT)
 
 
 def _lines(canvas: Picture, item: scenes.Lines) -> None:
@@ -72,8 +82,8 @@ def _lines(canvas: Picture, item: scenes.Lines) -> None:
         return
     target = canvas if item.opacity == 1.0 else canvas.copy()
     _strokes(target, item.paths, item.width, item.colour)
-    for head in item.heads:
-        _fill(target, _fixed(head), item.colour)
+    if item.heads:
+        _fill(target, _fixed(np.array(item.heads)), item.colour)
     if target is not canvas:
         cv2.addWeighted(target, item.opacity, canvas, 1 - item.opacity, 0, dst=canvas)
 
@@ -87,12 +97,11 @@ def _strokes(canvas: Picture, paths: tuple[Floats, ...], width: float, colour: C
     keep = lengths > 1e-3
     starts, ends, steps = starts[keep], ends[keep], steps[keep]
     side = np.stack([-steps[:, 1], steps[:, 0]], axis=1) * (width / 2 / lengths[keep, None])
-    for quad in _fixed(np.stack([starts + side, ends + side, ends - side, starts - side], axis=1)):
-        _fill(canvas, quad, colour)
+    quads = np.stack([starts + side, ends + side, ends - side, starts - side], axis=1)
+    _fill(canvas, _fixed(quads), colour)
     if width > 2.5:  # round the joints where a gap would show
         disc = scenes.OUTLINES["circle"][::2] * (width / 2)
-        for joint in _fixed(starts[:, None] + disc):
-            _fill(canvas, joint, colour)
+        _fill(canvas, _fixed(starts[:, None] + disc), colour)
 
 
 def _areas(canvas: Picture, item: scenes.Areas) -> None:
@@ -120,8 +129,8 @@ def _areas(canvas: Picture, item: scenes.Areas) -> None:
 def _badge(canvas: Picture, item: scenes.Badge) -> None:
     centre = np.array([item.x, item.y])
     disc = scenes.OUTLINES["circle"]
-    _fill(canvas, _fixed(centre + disc * item.radius * 1.16), PAPER)
-    _fill(canvas, _fixed(centre + disc * item.radius), item.colour)
+    _fill(canvas, _fixed(centre + disc * item.radius * 1.16)[None], PAPER)
+    _fill(canvas, _fixed(centre + disc * item.radius)[None], item.colour)
     size = item.radius * (1.45 if len(item.text) < 2 else 1.15)
     _centred(canvas, item, size)
 
