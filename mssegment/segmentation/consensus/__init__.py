@@ -1,9 +1,17 @@
 """Consensus: tracks that fit the same hypotheses belong together.
 
-``draw_consensus_sets`` draws the hypotheses, ``cluster_by_consensus`` reads them and nothing else.
+``draw_consensus_sets`` draws the hypotheses, ``cluster_by_consensus`` reads them and nothing else;
+``segment_by_consensus`` adds motions and modes.
 """
 
 from mssegment.segmentation.consensus.clustering import Consensus, cluster_by_consensus
 from mssegment.segmentation.consensus.drawing import draw_consensus_sets
+from mssegment.segmentation.consensus.segment import segment_by_consensus, uses_consensus
 
-__all__ = ["Consensus", "cluster_by_consensus", "draw_consensus_sets"]
+__all__ = [
+    "Consensus",
+    "cluster_by_consensus",
+    "draw_consensus_sets",
+    "segment_by_consensus",
+    "uses_consensus",
+]

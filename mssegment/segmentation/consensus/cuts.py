@@ -46,7 +46,7 @@ class Cuts:
         self._judge = sharpen(average, JUDGE)
         self._degrees = self._judge.sum(axis=1)
         self._contrast = np.asarray(means[0], dtype=np.float64)
-        seen = np.isfinite(points).all(axis=2)
+        seen = np.asarray(np.isfinite(points).all(axis=2))
         total = np.where(seen[..., None], points, 0.0).sum(axis=1)
         place = total / np.maximum(seen.sum(axis=1), 1)[:, None]
         square = (place**2).sum(axis=1)
@@ -95,7 +95,8 @@ class Cuts:
         for kind in self._kinds:
             inside = _agreement(kind, one, one) * _agreement(kind, two, two)
             product *= _agreement(kind, one, two) / max(np.sqrt(inside), 1e-12)
-        return product * border_contrast(self._contrast, self._gaps, one, two) ** (1 / 6)
+        contrast = border_contrast(self._contrast, self._gaps, one, two)
+        return float(product * contrast ** (1 / 6))
 
     def _propose(self, groups: int) -> list[Integers]:
         if groups not in self._proposed:

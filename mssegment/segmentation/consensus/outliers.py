@@ -15,7 +15,7 @@ LOCAL = 20
 """A track's misfit comes from hypotheses whose seed is among so many nearest tracks."""
 MISFIT_OF_EXTENT, MISFIT_OF_MEDIAN = 0.0125, 8.0
 """First test: an outlier's misfit is above both shares: of the extent, and of the median misfit."""
-PERSPECTIVE_OF_EXTENT, PERSPECTIVE_OF_MEDIAN = 0.08, 20.0
+PERSPECTIVE_OF_EXTENT, PERSPECTIVE_OF_MEDIAN = 0.15, 40.0
 """The same where perspective is strong: tracks without a plane near them misfit, and are right."""
 SECOND_OF_EXTENT, RESIDUALS_OF_MEDIAN, SECOND_OF_MEDIAN = 0.1, 6.0, 4.0
 """Second test: (misfit over extent) x (residual over the motion's median residual) above the
