@@ -14,7 +14,7 @@ the dimension of its residual, its residual, its fit and the extent it leaves fr
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import combinations
 
 import numpy as np
@@ -22,7 +22,7 @@ import numpy as np
 from mssegment.hypotheses import neighbour_space
 from mssegment.records import Integers
 from mssegment.segmentation.candidates import Candidates, Family, from_modes, join
-from mssegment.segmentation.granularity import scale_range
+from mssegment.segmentation.granularity import extent_of, scale_range
 from mssegment.segmentation.labelling import frequency_labels, neighbour_labels
 from mssegment.segmentation.likelihood import Noise, uniform_cost
 from mssegment.segmentation.refinement import refine, refit_once
@@ -102,17 +102,17 @@ def make_families(problem: Problem, recipe: Recipe) -> tuple[list[Family], list[
     """The sets of ``problem`` with their noise and prices, and what was decided about them."""
     granularity = problem.granularity
     notes: list[str] = []
-    outlier = uniform_cost(problem.points)
+    outlier, extent = uniform_cost(problem.points), extent_of(problem.points)
     families = []
     for index, view in enumerate(problem.views):
         model = view.model
         free = model.free_extent(view.observed, view.hypotheses.coordinates)
-        floor, cap = scale_range(problem.points, granularity, predicts_points=free == 0)
+        floor, cap = scale_range(extent, granularity, predicts_points=free == 0)
         noise = Noise(
             model.residual_dimension,
             model.residual_terms,
-            floor,
-            cap,
+            float(floor),
+            float(cap),
             free,
             outlier,
             recipe.freedom,
@@ -206,7 +206,12 @@ def proposals(chosen: Candidates, pool: Candidates, count: int) -> list[int]:
 def settle(
     problem: Problem, families: Sequence[Family], chosen: Candidates, recipe: Recipe
 ) -> tuple[Integers, Candidates]:
-    """The final labels [P], each coded with its neighbours', and the motions fitted to them."""
+    """The final labels [P], each coded with its neighbours', and the motions fitted to them.
+
+    How large a misfit is one body decides what the motions are; which tracks belong to them is
+    decided at the scale that each motion turns out to have.
+    """
+    families = [measured(family, extent_of(problem.points)) for family in families]
     if not recipe.neighbours or not len(chosen):
         return frequency_labels(chosen.gains, recipe.label_cost)[0], chosen
     space = neighbour_space(problem.points)
@@ -215,6 +220,12 @@ def settle(
         inliers = labels == np.arange(1, len(chosen) + 1)[:, None]
         chosen = refit_once(families, chosen, inliers.astype(np.float64))
     return neighbour_labels(chosen.gains, space), chosen
+
+
+def measured(family: Family, extent: float) -> Family:
+    """The family with a scale as small as measurements can have."""
+    floor = float(scale_range(extent, "surface", predicts_points=True)[0])
+    return replace(family, noise=replace(family.noise, floor=min(floor, family.noise.floor)))
 
 
 def describe(

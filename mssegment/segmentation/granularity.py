@@ -20,10 +20,12 @@ OBJECT = (0.0075, 0.02)
 """Floor and cap of the scale of an object: 6 to 16 pixels in 640 x 480."""
 
 
-def scale_range(
-    points: Floats, granularity: Granularity, predicts_points: bool
-) -> tuple[float, float]:
-    """Least and largest scale of a motion's residuals in pixels, for the tracks [P, F, 2]."""
-    extent = float(np.hypot(*np.ptp(points.reshape(-1, 2), axis=0)))
-    floor, cap = OBJECT if granularity == "object" and predicts_points else SURFACE
-    return floor * extent, cap * extent
+def scale_range(extent: float, granularity: Granularity, predicts_points: bool) -> Floats:
+    """Least and largest scale of a motion's residuals, pixels, [2]."""
+    coarse = granularity == "object" and predicts_points
+    return extent * np.array(OBJECT if coarse else SURFACE)
+
+
+def extent_of(points: Floats) -> float:
+    """Diagonal of the box that holds the points [P, F, 2], pixels."""
+    return float(np.hypot(*np.ptp(points.reshape(-1, 2), axis=0))) if len(points) else 0.0
