@@ -84,7 +84,7 @@ def oracle(setup: SetUp, scene: Scene) -> Integers:
 
 
 def residual_sigma(setup: SetUp, coordinates: Coordinates) -> float:
-    """Standard deviation of a residual's coordinate: a transfer error has the noise of two views."""
+    """Standard deviation of a residual's coordinate; a transfer error has two views' noise."""
     del coordinates
     return NOISE * float(np.sqrt(2.0)) if setup.model == "affine" else NOISE
 
