@@ -53,6 +53,7 @@ def command(
     Reads a hypotheses document, writes a segmentation document: every mode with its hypotheses and
     kernel density, every motion with its parameters and inliers, and one label per track.
     """
+    resolve(settings)  # a wrong option is said before anything is read
     hypotheses = read_argument(document, HypothesesDocument)
     start = time.perf_counter()
     from mssegment import pipeline

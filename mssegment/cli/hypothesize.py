@@ -46,12 +46,13 @@ def command(document: str, settings: list[Setting], output: str | None, voice: V
     Reads a tracks document, writes a hypotheses document. What stands still under a static camera
     is set aside as background; a hypothesis is kept when tracks near its subset agree with it.
     """
+    configuration = resolve(settings)
     tracks = read_argument(document, TracksDocument)
     start = time.perf_counter()
     from mssegment import pipeline
 
     with voice.working("hypothesize"):
-        hypotheses = pipeline.hypothesize(tracks, resolve(settings))
+        hypotheses = pipeline.hypothesize(tracks, configuration)
     voice.deliver(hypotheses, output, describe_hypotheses(hypotheses), start)
 
 

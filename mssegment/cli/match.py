@@ -34,12 +34,13 @@ def command(document: str, settings: list[Setting], output: str | None, voice: V
 
     Reads a corners document and the pictures it names, writes a tracks document.
     """
+    configuration = resolve(settings)
     corners = read_argument(document, CornersDocument)
     start = time.perf_counter()
     from mssegment import pipeline
 
     with voice.working("match"):
-        tracks = pipeline.match(corners, resolve(settings))
+        tracks = pipeline.match(corners, configuration)
     voice.deliver(tracks, output, describe_tracks(tracks), start)
 
 

@@ -60,11 +60,11 @@ def command(
     that came with imported tracks) also the confusion matrix, the misclassification, and the
     residual errors (23) and (24) of the paper.
     """
+    configuration = resolve(settings)
     segmentation = read_argument(document, SegmentationDocument)
     from mssegment.cli.results import Results, claim_folder
     from mssegment.rendering.tables import format_report
 
-    configuration = resolve(settings)
     if out is not None:
         claim_folder(out, force)
     results = Results.of(segmentation, configuration)

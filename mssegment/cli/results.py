@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import os
 import sys
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -110,22 +111,38 @@ class Results:
 
 
 class _Pictures:
-    """The picture of a frame, blue first, or None where its file is not at hand."""
+    """The picture of a frame, blue first, or None where its file is not at hand.
+
+    Imported tracks have the pictures that lie in their file, if any (AdelaideRMF).
+    """
 
     def __init__(self, document: SegmentationDocument, source: FrameSource | None) -> None:
-        self._document = document
-        self._source = source
-        self._missing = False
+        self._frames = document.frames
+        self._imported = any(entry.stage == "import" for entry in document.history)
+        self._red_first: Callable[[int], Picture | None] | None = None
+        if source is not None:
+            self._red_first = source.colour
 
     def __call__(self, index: int) -> Picture | None:
-        if self._source is None and not self._missing:
-            from mssegment.imaging.frames import reopen_frames
+        if self._red_first is None:
+            self._red_first = self._inside_the_file() if self._imported else self._opened()
+        picture = self._red_first(index)
+        return None if picture is None else picture[..., ::-1]
 
-            try:
-                self._source = reopen_frames(self._document.frames)
-            except DataError:
-                # tracks of somebody else's tracker, or a document from another machine
-                self._missing = True
-        if self._source is None:
-            return None
-        return self._source.colour(index)[..., ::-1]
+    def _opened(self) -> Callable[[int], Picture | None]:
+        from mssegment.imaging.frames import reopen_frames
+
+        try:
+            return reopen_frames(self._frames).colour
+        except DataError:
+            # a document from another machine: its points are drawn without the picture
+            return lambda index: None
+
+    def _inside_the_file(self) -> Callable[[int], Picture | None]:
+        from mssegment.datasets import read
+
+        try:
+            pictures = read(self._frames[0].path).pictures
+        except DataError:
+            pictures = ()
+        return lambda index: pictures[index] if index < len(pictures) else None
