@@ -27,6 +27,10 @@ CACHE_NUMBERS = 1 << 18
 """Numbers of one intermediate array that stay in a core's cache (1 MB in single precision)."""
 
 
+FEWEST_ROWS = 8
+"""Rows of a block below which a matrix product is no faster than one row at a time."""
+
+
 class View(ABC):
     """The n points of a cloud as seen from m places on the manifold.
 
@@ -51,6 +55,7 @@ class Cloud(ABC):
     """
 
     size: int
+    bandwidth: float
     rows: int
 
     @abstractmethod
@@ -97,6 +102,11 @@ class Manifold(ABC):
     @abstractmethod
     def point_shape(self) -> tuple[int, ...]:
         """The shape of the array that holds one point."""
+
+    @property
+    def numbers_in_cloud(self) -> int:
+        """How many numbers a cloud keeps for each of its points, roughly."""
+        return 2 * int(np.prod(self.point_shape)) + 2
 
     @abstractmethod
     def exp(self, x: Floats, v: Floats) -> Floats:

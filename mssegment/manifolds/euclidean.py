@@ -6,6 +6,7 @@ import numpy as np
 
 from mssegment.manifolds.base import (
     CACHE_NUMBERS,
+    FEWEST_ROWS,
     Array,
     Cloud,
     LogCloud,
@@ -93,7 +94,7 @@ class _EuclideanCloud(Cloud):
 
     def __init__(self, y: Floats, bandwidth: float, dtype: Precision) -> None:
         self.size, n = y.shape
-        self.rows = max(1, CACHE_NUMBERS // max(1, self.size))
+        self.rows = max(FEWEST_ROWS, CACHE_NUMBERS // max(1, self.size))
         self.bandwidth = bandwidth
         self.dtype = dtype
         self.centre = y.mean(axis=0) if self.size else np.zeros(n)

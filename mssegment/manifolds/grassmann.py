@@ -15,6 +15,7 @@ import numpy as np
 from mssegment.errors import ConfigurationError
 from mssegment.manifolds.base import (
     CACHE_NUMBERS,
+    FEWEST_ROWS,
     Array,
     Cloud,
     LogCloud,
@@ -26,6 +27,7 @@ from mssegment.manifolds.base import (
 )
 from mssegment.records import Floats
 
+EMBED_ROWS = 4096
 ROUNDING = 1e-17
 """Terms of the cosine and sine series below this are left out."""
 
@@ -61,6 +63,11 @@ class Grassmann(Manifold):
     def point_shape(self) -> tuple[int, ...]:
         """``(N, k)``."""
         return (self.n, self.k)
+
+    @property
+    def numbers_in_cloud(self) -> int:
+        """Two copies of the upper triangle of the projector."""
+        return self.n * (self.n + 1) + 2
 
     def exp(self, x: Floats, v: Floats) -> Floats:
         """Equation (15) without its SVD: x cos(sqrt G) + v sinc(sqrt G), G = v'v.
@@ -147,7 +154,7 @@ class _ProjectorCloud(Cloud):
 
     def __init__(self, manifold: Grassmann, y: Floats, bandwidth: float, dtype: Precision) -> None:
         self.size, self.bandwidth = len(y), bandwidth
-        self.rows = max(1, CACHE_NUMBERS // max(1, self.size))
+        self.rows = max(FEWEST_ROWS, CACHE_NUMBERS // max(1, self.size))
         self.dtype = dtype
         self.n = n = manifold.n
         above = np.triu_indices(n)
@@ -162,10 +169,11 @@ class _ProjectorCloud(Cloud):
     def embed(self, x: Floats) -> Array:
         """The upper triangle of xx' and a 1, [m, N (N + 1) / 2 + 1]."""
         out = np.ones((len(x), len(self.upper) + 1), dtype=self.dtype)
-        square = (x @ _t(x)).reshape(len(x), self.n**2)
-        np.multiply(
-            square.take(self.upper, axis=1), self.factor, out=out[:, :-1], casting="same_kind"
-        )
+        for start in range(0, len(x), EMBED_ROWS):
+            block = x[start : start + EMBED_ROWS]
+            square = (block @ _t(block)).reshape(len(block), self.n**2)
+            upper = square.take(self.upper, axis=1)
+            out[start : start + EMBED_ROWS, :-1] = upper * self.factor
         return out
 
     def unfold(self, flat: Array) -> Floats:

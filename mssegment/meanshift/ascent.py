@@ -10,6 +10,7 @@ would fall.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -28,11 +29,18 @@ FALL = 1e-5
 """The relative loss of density at which a stretched step is taken back (rounding is less)."""
 
 
-def shift(cloud: Cloud, kernel: Kernel, x: Floats) -> tuple[Floats, Floats]:
+Thin = Callable[["Ascent", Integers], Integers]
+"""Called after every step with the moving trajectories; returns those that go on by themselves."""
+
+
+def shift(
+    manifold: Manifold, cloud: Cloud, kernel: Kernel, x: Floats, own: Floats | None = None
+) -> tuple[Floats, Floats]:
     """The mean shift vectors (9) and the densities (7) at ``x`` [m, ...].
 
     Works through ``x`` in blocks that fit the cache. The density is that of (7) without the
-    constant c_{k,h}: the mean of k(d^2 / h^2) over the points.
+    constant c_{k,h}: the mean of k(d^2 / h^2) over the points. With ``own`` [m, ...], each place
+    has one more point of its own in the sums (not in their number).
     """
     step = np.empty(x.shape)
     density = np.empty(len(x))
@@ -41,7 +49,14 @@ def shift(cloud: Cloud, kernel: Kernel, x: Floats) -> tuple[Floats, Floats]:
         view = cloud.seen_from(x[block])
         weights, profile_sums = kernel.weigh(view.z)
         summed, total = view.weighted_sum(weights)
-        density[block] = (total if profile_sums is None else profile_sums) / cloud.size
+        profile = total if profile_sums is None else profile_sums
+        if own is not None:
+            z = (manifold.dist(x[block], own[block]) / cloud.bandwidth)[:, None] ** 2
+            profile = profile + kernel.profile(z)[:, 0]
+            weight = kernel.weigh(z)[0][:, 0].astype(np.float64)
+            summed = summed + _scaled(weight, manifold.attraction(x[block], own[block]))
+            total = total + weight
+        density[block] = profile / cloud.size
         step[block] = _scaled(1.0 / np.where(total > 0, total, 1.0), summed)
     return step, density
 
@@ -90,33 +105,34 @@ def ascend(
     manifold: Manifold,
     cloud: Cloud,
     kernel: Kernel,
-    bandwidth: float,
     starts: Floats,
     tolerance: float,
     max_iterations: int,
-    follow_within: float = 0.0,
+    thin: Thin | None = None,
     until: int = 0,
     record: bool = False,
+    own: bool = False,
 ) -> Ascent:
     """Move ``starts`` [n, ...] by (10) until the mode is within ``tolerance`` bandwidths.
 
-    A trajectory within ``follow_within`` bandwidths of a denser one follows it. Ends early when
-    at most ``until`` trajectories still move.
+    ``thin`` says which trajectories go on by themselves. Ends early when at most ``until`` of them
+    still move. With ``own`` each start counts as one of the points on its own way.
     """
     ascent = Ascent.from_starts(starts, record)
     moving = np.arange(len(starts))
     while moving.size > until and ascent.iterations < max_iterations:
         ascent.iterations += 1
-        step, density = shift(cloud, kernel, ascent.x[moving])
-        length = manifold.norm(ascent.x[moving], step) / bandwidth
+        mine = starts[moving] if own else None
+        step, density = shift(manifold, cloud, kernel, ascent.x[moving], mine)
+        length = manifold.norm(ascent.x[moving], step) / cloud.bandwidth
         back = _go(manifold, ascent, moving, step, density, length < NEAR)
         arrived = ascent.stretch[moving] * length <= tolerance
         ascent.converged[moving] = arrived & ~back
         if ascent.history is not None:
             ascent.history.append((moving, ascent.x[moving]))
         moving = moving[~ascent.converged[moving]]
-        if follow_within > 0 and moving.size:
-            moving = _follow(manifold, ascent, moving, follow_within * bandwidth)
+        if thin is not None and moving.size:
+            moving = thin(ascent, moving)
     return ascent
 
 
@@ -156,8 +172,8 @@ def _go(
     return np.asarray(back)
 
 
-def _follow(manifold: Manifold, ascent: Ascent, moving: Integers, within: float) -> Integers:
-    """Let the ``moving`` follow denser trajectories nearby; the indices of those that do not."""
+def follow(manifold: Manifold, within: float, ascent: Ascent, moving: Integers) -> Integers:
+    """Let the ``moving`` follow denser trajectories within ``within``; the others are returned."""
     alone = ascent.leader == np.arange(len(ascent.leader))
     followed = np.zeros(len(alone), dtype=bool)
     followed[ascent.leader[~alone]] = True

@@ -6,24 +6,12 @@ import numpy as np
 
 from mssegment.errors import ConfigurationError, DataError
 from mssegment.manifolds import Manifold, from_name
-from mssegment.meanshift.ascent import Ascent, ascend
+from mssegment.meanshift.ascent import Ascent
 from mssegment.meanshift.bandwidth import nearest_neighbour_bandwidth
 from mssegment.meanshift.kernels import kernel_named
-from mssegment.meanshift.modes import merge
+from mssegment.meanshift.large import SAMPLE, find_by_sample
+from mssegment.meanshift.search import Found, Search
 from mssegment.records import Floats, Integers
-
-FOLLOW_WITHIN = 0.1
-"""A trajectory this near (in bandwidths) to a denser one follows it."""
-STRAGGLERS = 50
-"""When only one in so many still moves, the modes found so far join them on the last climb."""
-WAY_TOLERANCE, MODE_TOLERANCE = 1e-2, 1e-4
-"""The distance (in bandwidths) from its mode at which a trajectory, or a mode, stands still."""
-PERTURBATION = 0.1
-"""A mode is moved by this many bandwidths; a saddle point does not come back."""
-ISOLATED = 1e-2
-"""Where the kernel sum without the own point is less than this, the point is a mode by itself.
-
-It cannot be a saddle, nothing else can end there, and its trajectory hardly moves."""
 
 
 class MeanShift:
@@ -37,8 +25,11 @@ class MeanShift:
     kernel: ``"gaussian"``, ``"truncated"`` or ``"epanechnikov"``.
     merge_within: modes nearer than this many bandwidths are one.
     min_count: modes that fewer trajectories reach are left out, their points labelled -1.
-    max_iterations: a trajectory that still moves after so many steps belongs nowhere (-1).
-    record: keep every trajectory in ``trajectories_`` (for plotting).
+    max_iterations: a trajectory stops after so many steps at the latest.
+    sample_above: more points than this climb the density of a sample of 4000 of them, at a cost
+        that grows linearly; what is far from the sample is labelled -1.
+    memory_mb: bounds the memory used then, besides the points and the result.
+    record: keep every trajectory in ``trajectories_`` (for plotting; not with a sample).
 
     Attributes after ``fit``
     ------------------------
@@ -66,6 +57,8 @@ class MeanShift:
         merge_within: float = 1.0,
         min_count: int = 1,
         max_iterations: int = 500,
+        sample_above: int = 2 * SAMPLE,
+        memory_mb: float = 1000.0,
         record: bool = False,
     ) -> None:
         self.manifold = from_name(manifold) if isinstance(manifold, str) else manifold
@@ -75,6 +68,8 @@ class MeanShift:
         self.merge_within = merge_within
         self.min_count = min_count
         self.max_iterations = max_iterations
+        self.sample_above = max(sample_above, SAMPLE)
+        self.memory_mb = memory_mb
         self.record = record
 
     def fit(self, points: Floats, rng: np.random.Generator | None = None) -> MeanShift:
@@ -90,11 +85,23 @@ class MeanShift:
             raise DataError("mean shift needs at least 1 hypothesis, found none")
         self.manifold.check_point(points)
         self.bandwidth_ = self._choose_bandwidth(points, rng)
-        way = self._ascend(points, points, WAY_TOLERANCE, follow=True)
-        self.n_iter_ = way.iterations
-        modes, densities, labels = self._find_modes(points, way, rng)
-        self._rank(modes, densities, labels)
-        self.trajectories_ = self._paths(way) if self.record else None
+        search = Search(
+            self.manifold,
+            kernel_named(self.kernel),
+            self.bandwidth_,
+            self.merge_within,
+            self.max_iterations,
+            self.record,
+        )
+        if len(points) > self.sample_above:
+            found = find_by_sample(search, points, rng, self.memory_mb)
+        else:
+            found = search.find(points, rng)
+        self.n_iter_ = found.way.iterations
+        self._rank(found)
+        self.trajectories_ = None
+        if self.record and len(points) <= self.sample_above:
+            self.trajectories_ = self._paths(found.way)
         return self
 
     def fit_predict(self, points: Floats, rng: np.random.Generator | None = None) -> Integers:
@@ -110,68 +117,9 @@ class MeanShift:
             )
         return float(self.bandwidth)
 
-    def _ascend(
-        self,
-        points: Floats,
-        starts: Floats,
-        tolerance: float,
-        precise: bool = False,
-        follow: bool = False,
-    ) -> Ascent:
-        kernel = kernel_named(self.kernel)
-        cloud = self.manifold.cloud(points, self.bandwidth_, precise, kernel.reach(precise))
-        return ascend(
-            self.manifold,
-            cloud,
-            kernel,
-            self.bandwidth_,
-            starts,
-            tolerance,
-            self.max_iterations,
-            follow_within=FOLLOW_WITHIN if follow else 0.0,
-            until=len(starts) // STRAGGLERS if follow else 0,
-            record=self.record and follow,
-        )
-
-    def _find_modes(
-        self, points: Floats, way: Ascent, rng: np.random.Generator
-    ) -> tuple[Floats, Floats, Integers]:
-        """Distinct modes in double precision, their densities, and the mode of each point.
-
-        Isolated ends stay as they are. The others, merged, climb on together with a perturbed copy
-        of each: a saddle is an end whose copy goes elsewhere, and gives way to where that arrives.
-        """
-        last = way.last_leader()
-        ends, place = np.unique(last, return_inverse=True)
-        lonely = (way.density[ends] * len(points) < 1.0 + ISOLATED) & way.converged[ends]
-        alone, social = ends[lonely], ends[~lonely]
-        x, _, joined = self._merge(way.x[social], way.density[social], FOLLOW_WITHIN)
-        push = PERTURBATION * self.bandwidth_ * self.manifold.random_tangent(x, rng)
-        both = np.concatenate([x, self.manifold.exp(x, push)])
-        arrived = self._ascend(points, both, WAY_TOLERANCE)
-        x, copy = np.split(arrived.x, 2)
-        saddle = self.manifold.dist(x, copy) > 0.5 * self.bandwidth_
-        x[saddle] = copy[saddle]
-        density = np.where(saddle, *np.split(arrived.density, 2)[::-1])
-        x, _, joined_later = self._merge(x, density, FOLLOW_WITHIN)
-        polished = self._ascend(points, x, MODE_TOLERANCE, precise=True)
-        x, density, joined_last = self._merge(polished.x, polished.density, self.merge_within)
-        mode_of_end = np.empty(len(ends), dtype=np.int64)
-        mode_of_end[~lonely] = joined_last[joined_later[joined]]
-        mode_of_end[lonely] = len(x) + np.arange(len(alone))
-        return (
-            np.concatenate([x, way.x[alone]]),
-            np.concatenate([density, way.density[alone]]),
-            mode_of_end[place],
-        )
-
-    def _merge(self, x: Floats, density: Floats, within: float) -> tuple[Floats, Floats, Integers]:
-        """The distinct ones of ``x``, their densities, and which one each became."""
-        kept, joined = merge(self.manifold, x, density, within * self.bandwidth_)
-        return x[kept], density[kept], joined
-
-    def _rank(self, modes: Floats, densities: Floats, labels: Integers) -> None:
+    def _rank(self, found: Found) -> None:
         """Keep the modes that enough trajectories reach, densest first."""
+        modes, densities, labels = found.modes, found.densities, found.labels
         counts = np.bincount(labels[labels >= 0], minlength=len(modes))
         kept = np.flatnonzero(counts >= max(1, self.min_count))
         kept = kept[np.argsort(-densities[kept], kind="stable")]

@@ -1,0 +1,119 @@
+"""The search for modes: every start up, ends merged, saddle points dropped, modes polished."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+
+from mssegment.manifolds import Manifold
+from mssegment.meanshift.ascent import Ascent, Thin, ascend, follow
+from mssegment.meanshift.kernels import Kernel
+from mssegment.meanshift.modes import merge
+from mssegment.records import Floats, Integers
+
+FOLLOW_WITHIN = 0.1
+"""A trajectory this near (in bandwidths) to a denser one follows it."""
+STRAGGLERS = 50
+"""When only one in so many still moves, the modes found so far join them on the last climb."""
+WAY_TOLERANCE, MODE_TOLERANCE = 1e-2, 1e-4
+"""The distance (in bandwidths) from its mode at which a trajectory, or a mode, stands still."""
+PERTURBATION = 0.1
+"""A mode is moved by this many bandwidths; a saddle point does not come back."""
+ISOLATED = 1e-2
+"""Where the kernel sum without the own point is less than this, the point is a mode by itself.
+
+It cannot be a saddle, nothing else can end there, and its trajectory hardly moves."""
+
+
+@dataclass
+class Found:
+    """Modes [m, ...], their densities [m], the mode of each point [n] (-1: none), and the way."""
+
+    modes: Floats
+    densities: Floats
+    labels: Integers
+    way: Ascent
+
+
+@dataclass(frozen=True)
+class Search:
+    """What does not change while modes are looked for."""
+
+    manifold: Manifold
+    kernel: Kernel
+    bandwidth: float
+    merge_within: float
+    max_iterations: int
+    record: bool = False
+
+    def climb(
+        self,
+        points: Floats,
+        starts: Floats,
+        tolerance: float,
+        precise: bool = False,
+        thin: Thin | None = None,
+        own: bool = False,
+    ) -> Ascent:
+        """Move ``starts`` up the density of ``points``; with ``thin``, all but the stragglers."""
+        reach = self.kernel.reach(precise)
+        return ascend(
+            self.manifold,
+            self.manifold.cloud(points, self.bandwidth, precise, reach),
+            self.kernel,
+            starts,
+            tolerance,
+            self.max_iterations,
+            thin,
+            until=len(starts) // STRAGGLERS if thin else 0,
+            record=self.record and thin is not None,
+            own=own,
+        )
+
+    def merge(self, x: Floats, density: Floats, within: float) -> tuple[Floats, Floats, Integers]:
+        """The distinct ones of ``x``, their densities, and which one each became."""
+        kept, joined = merge(self.manifold, x, density, within * self.bandwidth)
+        return x[kept], density[kept], joined
+
+    def polish(self, points: Floats, x: Floats) -> tuple[Floats, Floats, Integers]:
+        """The modes ``x`` in double precision, their densities, and which one each became."""
+        polished = self.climb(points, x, MODE_TOLERANCE, precise=True)
+        return self.merge(polished.x, polished.density, self.merge_within)
+
+    def leave_saddles(
+        self, points: Floats, x: Floats, rng: np.random.Generator
+    ) -> tuple[Floats, Floats, Integers]:
+        """Climb on from the ends ``x`` together with a perturbed copy of each.
+
+        A saddle is an end whose copy goes elsewhere; it gives way to where that arrives.
+        """
+        push = PERTURBATION * self.bandwidth * self.manifold.random_tangent(x, rng)
+        both = np.concatenate([x, self.manifold.exp(x, push)])
+        arrived = self.climb(points, both, WAY_TOLERANCE)
+        (end, copy), (density, of_copy) = np.split(arrived.x, 2), np.split(arrived.density, 2)
+        saddle = self.manifold.dist(end, copy) > 0.5 * self.bandwidth
+        end[saddle], density[saddle] = copy[saddle], of_copy[saddle]
+        return self.merge(end, density, FOLLOW_WITHIN)
+
+    def find(self, points: Floats, rng: np.random.Generator) -> Found:
+        """All modes of the density of ``points`` that a trajectory from one of them reaches.
+
+        Isolated ends stay as they are (in single precision, within 0.01 bandwidths). The others
+        are merged, freed of saddles, polished in double precision and merged again.
+        """
+        nearby = partial(follow, self.manifold, FOLLOW_WITHIN * self.bandwidth)
+        way = self.climb(points, points, WAY_TOLERANCE, thin=nearby)
+        ends, place = np.unique(way.last_leader(), return_inverse=True)
+        lonely = (way.density[ends] * len(points) < 1.0 + ISOLATED) & way.converged[ends]
+        alone, social = ends[lonely], ends[~lonely]
+        x, _, first = self.merge(way.x[social], way.density[social], FOLLOW_WITHIN)
+        x, _, second = self.leave_saddles(points, x, rng)
+        x, density, third = self.polish(points, x)
+        mode_of_end = np.empty(len(ends), dtype=np.int64)
+        mode_of_end[~lonely] = third[second[first]]
+        mode_of_end[lonely] = len(x) + np.arange(len(alone))
+        modes = np.concatenate([x, way.x[alone]])
+        densities = np.concatenate([density, way.density[alone]])
+        return Found(modes, densities, mode_of_end[place], way)
