@@ -159,7 +159,7 @@ def _scene(
     if len(indices) < needed:
         raise DataError(
             f"{len(indices)} complete, moving tracks, but model {model.name} needs at least "
-            f"{needed}: give pictures with more texture, or set background to off"
+            f"{needed}: give pictures with more texture, or set background.remove to no"
         )
     tracks = points[indices]
     coordinates = model.coordinates(tracks, camera)
