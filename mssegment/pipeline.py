@@ -140,6 +140,7 @@ def hypothesize(document: TracksDocument, configuration: Configuration) -> Hypot
     """Stage 3: background, elemental subsets, and hypotheses on the manifold of the model."""
     from mssegment.hypotheses import hypothesize as draw
     from mssegment.segmentation.background import find_background
+    from mssegment.segmentation.consensus import draw_consensus_sets, uses_consensus
 
     settings = configuration.hypothesize
     camera = camera_of(configuration.camera) or document.camera
@@ -150,16 +151,21 @@ def hypothesize(document: TracksDocument, configuration: Configuration) -> Hypot
         remove=configuration.background.remove,
         min_displacement=configuration.background.min_displacement,
     )
-    sets = draw(
-        points,
-        model=settings.model,
-        camera=camera,
-        affines=document.tracks.affines,
-        count=settings.count,
-        sampling=settings.sampling,
-        eligible=background.status == 0,
-        rng=_random("hypothesize", configuration),
-    )
+    if uses_consensus(configuration.cluster.method, settings.model, points.shape[1]):
+        sets = draw_consensus_sets(
+            points, _random("hypothesize", configuration), eligible=background.status == 0
+        )
+    else:
+        sets = draw(
+            points,
+            model=settings.model,
+            camera=camera,
+            affines=document.tracks.affines,
+            count=settings.count,
+            sampling=settings.sampling,
+            eligible=background.status == 0,
+            rng=_random("hypothesize", configuration),
+        )
     return HypothesesDocument(
         frames=document.frames,
         camera=camera,

@@ -9,6 +9,7 @@ import numpy as np
 
 from mssegment.errors import DataError, UsageError
 from mssegment.records import OUTLIER, Camera, Floats, HypothesisSet, Integers, Segmentation
+from mssegment.segmentation.consensus import drawn_for_consensus, segment_by_consensus
 from mssegment.segmentation.description_length import mdl
 from mssegment.segmentation.dominance import dominance
 from mssegment.segmentation.entry import segment_by_modes
@@ -53,15 +54,29 @@ def cluster(
         raise UsageError(f"cluster.method: {method!r} is unknown; choose meanshift or consensus")
     if not sets:
         raise DataError("there are no hypotheses to cluster: run hypothesize")
+    status = np.full(len(points), OUTLIER) if status is None else status
+    count = None if motions == "auto" else motions
+    rng = np.random.default_rng(0) if rng is None else rng
+    if method == "consensus" or (method == "auto" and drawn_for_consensus(sets)):
+        return segment_by_consensus(
+            points,
+            sets,
+            status=status,
+            bandwidth=bandwidth,
+            kernel=kernel,
+            motions=count,
+            min_motions=min_motions,
+            rng=rng,
+        )
     return segment_by_modes(
         points,
         sets,
         select=SELECTIONS[selection],
-        status=np.full(len(points), OUTLIER) if status is None else status,
+        status=status,
         bandwidth=bandwidth,
         kernel=kernel,
-        motions=None if motions == "auto" else motions,
+        motions=count,
         min_motions=min_motions,
         granularity=granularity,
-        rng=np.random.default_rng(0) if rng is None else rng,
+        rng=rng,
     )

@@ -6,12 +6,17 @@
 
 from mssegment.segmentation.consensus.clustering import Consensus, cluster_by_consensus
 from mssegment.segmentation.consensus.drawing import draw_consensus_sets
-from mssegment.segmentation.consensus.segment import segment_by_consensus, uses_consensus
+from mssegment.segmentation.consensus.segment import (
+    drawn_for_consensus,
+    segment_by_consensus,
+    uses_consensus,
+)
 
 __all__ = [
     "Consensus",
     "cluster_by_consensus",
     "draw_consensus_sets",
+    "drawn_for_consensus",
     "segment_by_consensus",
     "uses_consensus",
 ]

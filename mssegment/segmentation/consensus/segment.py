@@ -29,6 +29,7 @@ from mssegment.records import (
 )
 from mssegment.segmentation.consensus.clustering import cluster_by_consensus
 from mssegment.segmentation.consensus.comembership import observe
+from mssegment.segmentation.consensus.evidence import EVIDENCE
 
 AUTO_FRAMES = 8
 """From so many frames on, ``cluster.method: auto`` means consensus for ``factorization``."""
@@ -48,6 +49,11 @@ def uses_consensus(method: str, model: str, frames: int) -> bool:
     if method == "auto":
         return model == "factorization" and frames >= AUTO_FRAMES
     return method == "consensus"
+
+
+def drawn_for_consensus(sets: Sequence[HypothesisSet]) -> bool:
+    """Whether the sets are those of ``draw_consensus_sets``: evidence that is no motion model."""
+    return any(entry.model in EVIDENCE and entry.model not in models.MODELS for entry in sets)
 
 
 def segment_by_consensus(
