@@ -54,6 +54,7 @@ class Cloud(ABC):
     ``rows`` is how many places to look from at a time so that the work stays in the cache.
     """
 
+    manifold: Manifold
     size: int
     bandwidth: float
     rows: int

@@ -83,7 +83,7 @@ class Euclidean(Manifold):
         dtype = precision(precise, spread, bandwidth)
         if dtype is None:
             return LogCloud(self, y, bandwidth)
-        return _EuclideanCloud(y, bandwidth, dtype)
+        return _EuclideanCloud(self, y, bandwidth, dtype)
 
 
 class _EuclideanCloud(Cloud):
@@ -92,7 +92,8 @@ class _EuclideanCloud(Cloud):
     The points are centred first, so that little is lost to cancellation.
     """
 
-    def __init__(self, y: Floats, bandwidth: float, dtype: Precision) -> None:
+    def __init__(self, manifold: Euclidean, y: Floats, bandwidth: float, dtype: Precision) -> None:
+        self.manifold = manifold
         self.size, n = y.shape
         self.rows = max(FEWEST_ROWS, CACHE_NUMBERS // max(1, self.size))
         self.bandwidth = bandwidth

@@ -153,7 +153,7 @@ class _ProjectorCloud(Cloud):
     """
 
     def __init__(self, manifold: Grassmann, y: Floats, bandwidth: float, dtype: Precision) -> None:
-        self.size, self.bandwidth = len(y), bandwidth
+        self.manifold, self.size, self.bandwidth = manifold, len(y), bandwidth
         self.rows = max(FEWEST_ROWS, CACHE_NUMBERS // max(1, self.size))
         self.dtype = dtype
         self.n = n = manifold.n

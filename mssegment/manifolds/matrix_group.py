@@ -162,7 +162,7 @@ class _GroupCloud(Cloud):
     """
 
     def __init__(self, group: MatrixGroup, y: Floats, bandwidth: float, reach: float) -> None:
-        self.group, self.bandwidth = group, bandwidth
+        self.manifold, self.group, self.bandwidth = group, group, bandwidth
         self.size = len(y)
         self.rows = max(1, CACHE_NUMBERS // max(1, 8 * self.size))
         self.columns = np.ascontiguousarray(np.moveaxis(y, 0, 2).reshape(group.size, -1))

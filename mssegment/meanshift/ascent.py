@@ -34,7 +34,7 @@ Thin = Callable[["Ascent", Integers], Integers]
 
 
 def shift(
-    manifold: Manifold, cloud: Cloud, kernel: Kernel, x: Floats, own: Floats | None = None
+    cloud: Cloud, kernel: Kernel, x: Floats, own: Floats | None = None
 ) -> tuple[Floats, Floats]:
     """The mean shift vectors (9) and the densities (7) at ``x`` [m, ...].
 
@@ -51,10 +51,10 @@ def shift(
         summed, total = view.weighted_sum(weights)
         profile = total if profile_sums is None else profile_sums
         if own is not None:
-            z = (manifold.dist(x[block], own[block]) / cloud.bandwidth)[:, None] ** 2
+            z = (cloud.manifold.dist(x[block], own[block]) / cloud.bandwidth)[:, None] ** 2
             profile = profile + kernel.profile(z)[:, 0]
             weight = kernel.weigh(z)[0][:, 0].astype(np.float64)
-            summed = summed + _scaled(weight, manifold.attraction(x[block], own[block]))
+            summed = summed + _scaled(weight, cloud.manifold.attraction(x[block], own[block]))
             total = total + weight
         density[block] = profile / cloud.size
         step[block] = _scaled(1.0 / np.where(total > 0, total, 1.0), summed)
@@ -123,7 +123,7 @@ def ascend(
     while moving.size > until and ascent.iterations < max_iterations:
         ascent.iterations += 1
         mine = starts[moving] if own else None
-        step, density = shift(manifold, cloud, kernel, ascent.x[moving], mine)
+        step, density = shift(cloud, kernel, ascent.x[moving], mine)
         length = manifold.norm(ascent.x[moving], step) / cloud.bandwidth
         back = _go(manifold, ascent, moving, step, density, length < NEAR)
         arrived = ascent.stretch[moving] * length <= tolerance

@@ -33,7 +33,7 @@ def mean_shift_to_convergence(
     density = np.zeros(len(x))
     moving = np.arange(len(x))
     for _ in range(max_iterations):
-        step, density[moving] = shift(manifold, cloud, kernel, x[moving])
+        step, density[moving] = shift(cloud, kernel, x[moving])
         length = manifold.norm(x[moving], step)
         x[moving] = manifold.exp(x[moving], step)
         moving = moving[length > tolerance * bandwidth]
