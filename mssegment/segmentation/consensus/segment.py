@@ -200,7 +200,7 @@ def climb(
     cloud, shape = manifold.cloud(points, bandwidth), kernel_named(kernel)
     x = np.array(starts)
     for _ in range(MOST_STEPS):
-        step, density = shift(manifold, cloud, shape, x)
+        step, density = shift(cloud, shape, x)
         if (manifold.norm(x, step) <= TOLERANCE * bandwidth).all():
             break
         x = manifold.exp(x, step)
