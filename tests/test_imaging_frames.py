@@ -13,6 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mssegment.errors import ConfigurationError, DataError, MssegmentError, UsageError
+from mssegment.imaging import frames
 from mssegment.imaging.camera import undistort_points
 from mssegment.imaging.frames import open_frames, reopen_frames
 from mssegment.imaging.pictures import decode, quiet
@@ -133,14 +134,14 @@ def test_frames_of_a_document_open_again_in_any_order(video: str, pair: list[str
 
 
 def test_a_document_whose_pictures_are_gone_or_changed(pair: list[str]) -> None:
-    frames = open_frames(pair).frames
+    known = open_frames(pair).frames
     Path(pair[1]).write_bytes(Path(pair[0]).read_bytes())
     with pytest.raises(DataError) as failure:
-        reopen_frames(frames).grey(1)
+        reopen_frames(known).grey(1)
     one_line(failure, pair[1], "SHA-256")
     Path(pair[1]).unlink()
     with pytest.raises(DataError) as failure:
-        reopen_frames(frames)
+        reopen_frames(known)
     one_line(failure, pair[1], "not here")
     with pytest.raises(DataError) as failure:
         reopen_frames([Frame(pair[0], 81, 60)]).grey(0)
@@ -264,3 +265,16 @@ def test_real_video_and_real_pair(data_folder: Path) -> None:
     assert source.size == (640, 360)
     folder = data_folder / "kt3dmoseg/frames/Seq009_Clip03"
     assert len(open_frames([str(folder)], stop=4)) == 4
+
+
+def test_a_long_video_need_not_fit_memory(video: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(frames, "CACHE_BYTES", 3 * 48 * 64 * 3)
+    greys = open_frames([video]).greys()
+    assert len(greys) == 10
+    for _ in range(2):
+        for index, grey in enumerate(greys):
+            assert grey.mean() == pytest.approx(10 + 20 * index, abs=3)
+    assert greys[2].mean() < greys[-1].mean()
+    assert [round(float(g.mean()), -1) for g in greys[1:7:3]] == [30, 90]
+    with pytest.raises(IndexError):
+        greys[10]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import glob
 import hashlib
 import os
@@ -10,6 +11,7 @@ from collections import OrderedDict
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import overload
 
 import cv2
 import numpy as np
@@ -22,6 +24,9 @@ from mssegment.records import Frame
 
 CACHE_BYTES = 256 * 2**20
 """Decoded pictures are kept up to this many bytes; beyond it they are decoded again."""
+
+
+KEPT_GREYS = 4
 
 
 class _Decoded:
@@ -69,9 +74,9 @@ class FrameSource:
         picture = self.pixels(index)
         return pictures.to_grey(picture, self._white_level(picture))
 
-    def greys(self) -> list[Grey]:
-        """Every frame, grey."""
-        return [self.grey(index) for index in range(len(self))]
+    def greys(self) -> Sequence[Grey]:
+        """Every frame, grey, each made when it is asked for: a long video need not fit memory."""
+        return _Greys(self, range(len(self)))
 
     def colour(self, index: int) -> Colour:
         """Frame ``index`` as uint8 [height, width, 3], red first."""
@@ -113,6 +118,26 @@ class FrameSource:
                 f"{frame.width}x{frame.height}; run `mssegment detect` again"
             )
         return picture
+
+
+class _Greys(Sequence[Grey]):
+    """The grey pictures of some frames; the last few asked for are kept."""
+
+    def __init__(self, source: FrameSource, indices: range) -> None:
+        self._indices = indices
+        self._grey = functools.lru_cache(maxsize=KEPT_GREYS)(source.grey)
+
+    def __len__(self) -> int:
+        return len(self._indices)
+
+    @overload
+    def __getitem__(self, index: int) -> Grey: ...
+    @overload
+    def __getitem__(self, index: slice) -> Sequence[Grey]: ...
+    def __getitem__(self, index: int | slice) -> Grey | Sequence[Grey]:
+        if isinstance(index, slice):
+            return [self._grey(i) for i in self._indices[index]]
+        return self._grey(self._indices[index])
 
 
 def _check_sha256(frame: Frame, found: str) -> None:

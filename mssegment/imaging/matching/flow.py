@@ -57,16 +57,17 @@ def match(
     light = first_light(pictures[0])
     before = light.undone(pictures[0])
     for frame in range(1, count):
+        picture = pictures[frame]
         live = np.flatnonzero(np.isfinite(history[:, frame - 1, 0]))
         starts = history[live, frame - 1]
-        ends, kept, light = _follow_in_any_light(before, pictures[frame], starts, light, search)
+        ends, kept, light = _follow_in_any_light(before, picture, starts, light, search)
         live, ends = live[kept], ends[kept]
         apart = spread(ends, distance / 2)
         history[live[apart], frame] = ends[apart]
         if renew and frame < count - 1:
             fresh = _far_from(corners[frame].points, ends[apart], distance)
             history = np.concatenate([history, _start(fresh, count, frame)])
-        before = light.undone(pictures[frame])
+        before = light.undone(picture)
     seen = np.isfinite(history[..., 0]).sum(axis=1)
     return Tracks(points=history[seen >= max(2, min(shortest, count))])
 
