@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from xml.etree import ElementTree
 
 import cv2
@@ -10,12 +11,14 @@ import pytest
 from rendering_samples import HEIGHT, WIDTH, affine_report
 
 from mssegment.errors import UsageError
+from mssegment.records import Frame
 from mssegment.rendering import style
 from mssegment.rendering.layout import view_of
 from mssegment.rendering.pictures import KINDS, encode_pictures, frame_scene, shown_frames
 from mssegment.rendering.raster import paint
 from mssegment.rendering.regions import dense_labels, hulls, settled
 from mssegment.rendering.scene import OUTLINES, Markers, Scene
+from mssegment.rendering.thinning import carriers, spread
 
 
 def near(picture, colour, tolerance=40):
@@ -124,3 +127,36 @@ def test_dense_regions_follow_the_edges_of_the_picture():
         both = ((labels == label) & (truth == label)).sum()
         either = ((labels == label) | (truth == label)).sum()
         assert both / either > 0.85
+
+
+def test_short_displacements_are_all_drawn_and_long_ones_are_thinned_evenly(rng):
+    short = affine_report()
+    assert carriers(short, 0)[short.labels > 0].all()
+    many = affine_report(tracks=900)
+    many.tracks.points[:, 1] = many.tracks.points[:, 0] + [90.0, 40.0]
+    kept = carriers(many, 0)
+    members = many.members(1)
+    assert 12 <= kept[members].sum() < 0.3 * len(members)
+    # no track is far from one that shows the way
+    places = many.tracks.points[:, 0]
+    chosen = places[members[kept[members]]]
+    gaps = np.linalg.norm(places[members][:, None] - chosen[None], axis=2).min(axis=1)
+    assert gaps.max() < 30
+
+
+def test_spread_takes_the_number_it_is_asked_for(rng):
+    points = rng.uniform(0, 100, (50, 2))
+    assert len(set(spread(points, 20).tolist())) == 20
+    assert spread(points, 80).tolist() == list(range(50))
+
+
+@pytest.mark.parametrize(
+    ("width", "height", "scale"), [(320, 240, 2), (1242, 375, 1), (3840, 2160, 0.5)]
+)
+def test_small_pictures_grow_and_huge_ones_shrink(width, height, scale):
+    report = affine_report(pictures=lambda index: np.full((height, width, 3), 90, np.uint8))
+    frames = tuple(Frame(frame.path, width, height) for frame in report.frames)
+    view = view_of(replace(report, frames=frames), 0)
+    assert view.scale == scale
+    assert view.photograph.shape[:2] == (height * scale, width * scale)
+    assert np.allclose(view.place(np.array([-0.5, -0.5])), -0.5)

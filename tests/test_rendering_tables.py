@@ -187,3 +187,27 @@ def test_neighbouring_motions_differ_for_every_kind_of_sight(kind):
 def test_colour_and_shape_repeat_only_after_56_motions():
     looks = {(mark(label).colour, mark(label).shape) for label in range(1, 57)}
     assert len(looks) == 56
+
+
+def test_notes_of_all_stages_are_said_once():
+    stages = [
+        {"stage": "match", "notes": ["a"]},
+        {"stage": "cluster", "notes": ["the camera moves"]},
+    ]
+    report = affine_report(history=stages)
+    assert report.notes == ("a", "the camera moves")
+    assert format_report(report).count("the camera moves") == 1
+
+
+def test_residual_errors_look_at_the_straightened_points():
+    report = affine_report()
+    bent = Tracks(report.tracks.points + 3.0)
+    again = build_report(
+        frames=report.frames,
+        tracks=bent,
+        sets=report.sets,
+        segmentation=report.segmentation,
+        truth=report.truth,
+        straight=report.tracks.points,
+    )
+    assert again.res == report.res

@@ -27,6 +27,8 @@ from mssegment.rendering.scene import (
 LONG_SIDE = 960
 """Smaller pictures are enlarged to this, so that marks do not cover what they mark."""
 MAX_ENLARGEMENT = 2.0
+LARGEST = 1920
+"""Larger pictures are made smaller: a slide shows no more, and everything takes its time."""
 
 
 @dataclass(frozen=True)
@@ -75,7 +77,8 @@ def views_of(report: Report, indices: Sequence[int]) -> dict[int, View]:
 def view_of(report: Report, index: int) -> View:
     """One frame as it is drawn."""
     frame = report.frames[index]
-    scale = min(MAX_ENLARGEMENT, max(1.0, LONG_SIDE / max(frame.width, frame.height)))
+    longest = max(frame.width, frame.height)
+    scale = min(MAX_ENLARGEMENT, max(1.0, LONG_SIDE / longest), LARGEST / longest)
     size = (round(frame.width * scale), round(frame.height * scale))
     picture = report.pictures(index)
     if picture is None:
@@ -83,8 +86,8 @@ def view_of(report: Report, index: int) -> View:
         return View(index, blank, scale, typical_spacing(report))
     picture = np.ascontiguousarray(picture)  # the frame may be a view with its colours swapped
     if picture.shape[1::-1] != size:
-        enlarged = cv2.resize(picture, size, interpolation=cv2.INTER_CUBIC)
-        picture = np.asarray(enlarged, dtype=np.uint8)
+        way = cv2.INTER_CUBIC if scale > 1 else cv2.INTER_AREA
+        picture = np.asarray(cv2.resize(picture, size, interpolation=way), dtype=np.uint8)
     return View(index, mute(picture), scale, typical_spacing(report))
 
 

@@ -19,6 +19,7 @@ from mssegment.rendering.layout import View, caption, number_badges, stack_right
 from mssegment.rendering.regions import Contours, dense_regions, hulls
 from mssegment.rendering.report import Report
 from mssegment.rendering.scene import Areas, Item, Lines, Markers, Scene
+from mssegment.rendering.thinning import carriers
 
 FORMATS = ("png", "jpg", "svg")
 KINDS = ("points", "frames", "side-by-side", "overlay", "regions")
@@ -114,7 +115,8 @@ def points_scene(report: Report, view: View) -> Scene:
     points = view.place(report.tracks.points[:, view.index])
     everyone = np.flatnonzero(np.isfinite(points).all(axis=1))
     size = view.sizes
-    scene.add(_paths(report, view, everyone, style.PLAIN_COLOUR, size.line))
+    shown = np.flatnonzero(carriers(report, view.index, together=True))
+    scene.add(_paths(report, view, shown, style.PLAIN_COLOUR, size.line))
     look = style.PLAIN_COLOUR
     scene.add([Markers(points[everyone], "circle", 0.75 * size.marker, look, 0.2 * size.marker)])
     scene.add(caption(view, caption_points(report)))
@@ -175,9 +177,11 @@ def overlay_scene(report: Report, first: View, last: View) -> Scene:
     view = first.showing(blend)
     scene = view.scene(True)
     size = view.sizes
+    shown = carriers(report, last.index)
     for motion in report.motions:
         look, members = style.mark(motion.label), report.members(motion.label)
-        scene.add(_paths(report, view, members, look.colour, 1.3 * size.line, 0.85))
+        ways = members[shown[members]]
+        scene.add(_paths(report, view, ways, look.colour, 1.3 * size.line, 0.85))
         places = view.place(report.tracks.points[members, last.index])
         places = places[np.isfinite(places).all(axis=1)]
         scene.add([Markers(places, look.shape, 0.8 * size.marker, look.colour, 0.2 * size.marker)])
@@ -211,18 +215,19 @@ def _label_items(report: Report, view: View) -> list[Item]:
     """Markers and displacements of all labels, the motions over the rest."""
     points = view.place(report.tracks.points[:, view.index])
     seen = np.isfinite(points).all(axis=1)
+    shown = carriers(report, view.index)
     size = view.sizes
     items: list[Item] = []
     for label in (BACKGROUND, NOT_JUDGED, OUTLIER):
         members = np.flatnonzero(seen & (report.labels == label))
         look = style.mark(label)
         if label == OUTLIER:
-            items += _paths(report, view, members, look.colour, 0.6 * size.line, 0.38)
+            ways = members[shown[members]]
+            items += _paths(report, view, ways, look.colour, 0.6 * size.line, 0.38)
         items.append(Markers(points[members], look.shape, size.small, look.colour))
     for motion in report.motions:
-        members = np.flatnonzero(seen & (report.labels == motion.label))
-        colour = style.mark(motion.label).colour
-        items += _paths(report, view, members, colour, size.line)
+        ways = np.flatnonzero(shown & (report.labels == motion.label))
+        items += _paths(report, view, ways, style.mark(motion.label).colour, size.line)
     for motion in report.motions:
         members = np.flatnonzero(seen & (report.labels == motion.label))
         look = style.mark(motion.label)

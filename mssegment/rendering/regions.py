@@ -17,15 +17,18 @@ _NEIGHBOUR = 3
 """Which neighbour's distance says how densely an object is covered."""
 
 
-def spacing(points: Floats, neighbour: int = _NEIGHBOUR) -> float:
-    """How far points [n, 2] typically lie from a neighbour of theirs; 0 for fewer than 2."""
+def spacing(points: Floats, neighbour: int = _NEIGHBOUR, share: float = 0.5) -> float:
+    """How far a ``share`` of the points [n, 2] at most lie from a neighbour of theirs.
+
+    The ``neighbour``-th nearest counts; 0 for fewer than two points.
+    """
     from scipy.spatial import cKDTree
 
     if len(points) < 2:
         return 0.0
     count = min(neighbour, len(points) - 1)
     distances, _ = cKDTree(points).query(points, k=count + 1)
-    return float(np.median(distances[:, -1]))
+    return float(np.quantile(distances[:, -1], share))
 
 
 def settled(points: Floats) -> npt.NDArray[np.bool_]:
@@ -115,7 +118,7 @@ def _markers(report: Report, points: Floats, height: int, width: int) -> npt.NDA
     for motion in report.motions:
         own = points[seen & (report.labels == motion.label)]
         own = own[settled(own)]
-        reach = max(6.0, 2.5 * spacing(own))
+        reach = max(6.0, 2.0 * spacing(own, share=0.9))
         for x, y in own:
             cv2.circle(markers, (round(x), round(y)), round(reach), 0, -1)
         seeds += [(round(x), round(y), motion.label) for x, y in _inwards(own)]

@@ -69,6 +69,12 @@ class Report:
         """The motions by label."""
         return tuple(sorted(self.segmentation.motions, key=lambda motion: motion.label))
 
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What every stage has to say to the user, each sentence once, the first stage first."""
+        said = [str(note) for stage in self.history for note in stage.get("notes", ())]
+        return tuple(dict.fromkeys([*said, *self.segmentation.notes]))
+
     def members(self, label: int) -> Integers:
         """Indices of the tracks with a found label."""
         return np.flatnonzero(self.labels == label)
@@ -91,20 +97,24 @@ def build_report(
     segmentation: Segmentation,
     pictures: PictureOf | None = None,
     truth: Integers | None = None,
+    straight: Floats | None = None,
     history: Sequence[Mapping[str, Any]] = (),
     configuration: Mapping[str, Any] | None = None,
     trajectories: Sequence[Sequence[Floats]] = (),
 ) -> Report:
     """Gathers a report; ``truth`` None means the labels inside ``tracks``, if there are any.
 
-    Raises ValueError where the true labels and the tracks differ in number.
+    ``straight`` [P, F, 2] are the points with the distortion of the lens undone, as the models saw
+    them, where they differ from those of ``tracks``, which lie on the pictures. Raises ValueError
+    where the true labels and the tracks differ in number.
     """
     truth = tracks.labels if truth is None else truth
+    seen = tracks.points if straight is None else straight
     evaluation = res = res_hat = None
     if truth is not None:
         evaluation = evaluate(segmentation.labels, truth)
         errors = [
-            _residual_errors(motion, sets, tracks, truth, evaluation.matching.get(motion.label))
+            _residual_errors(motion, sets, seen, truth, evaluation.matching.get(motion.label))
             for motion in sorted(segmentation.motions, key=lambda motion: motion.label)
         ]
         res = tuple(error[0] for error in errors)
@@ -128,7 +138,7 @@ def build_report(
 def _residual_errors(
     motion: Motion,
     sets: Sequence[HypothesisSet],
-    tracks: Tracks,
+    seen: Floats,
     truth: Integers,
     true_label: int | None,
 ) -> tuple[float | None, float | None]:
@@ -142,7 +152,7 @@ def _residual_errors(
         return None, None
     rank = motion.parameters.shape[-1] if motion.model == "factorization" else 3
     model = make(motion.model, frames=len(chosen.frames), rank=rank)
-    points = tracks.points[:, list(chosen.frames)]
+    points = seen[:, list(chosen.frames)]
     inliers = np.flatnonzero((truth == true_label) & np.isfinite(points).all(axis=(1, 2)))
     if len(inliers) < model.subset_size:
         return None, None
@@ -194,7 +204,7 @@ def report_json(report: Report) -> dict[str, Any]:
         "true_labels": None if report.truth is None else report.truth.tolist(),
         "bandwidths": [_number(value) for value in report.segmentation.bandwidths],
         "hypotheses": sum(len(chosen.points) for chosen in report.sets),
-        "notes": list(report.segmentation.notes),
+        "notes": list(report.notes),
         "frames": [
             {"path": f.path, "width": f.width, "height": f.height, "index": f.index}
             for f in report.frames

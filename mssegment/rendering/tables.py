@@ -127,7 +127,7 @@ def format_report(report: Report, form: str = "text") -> str:
     if form == "csv":
         return "\n".join(parts)
     closing = {"text": "{}", "markdown": "{}", "latex": "% {}"}[form]
-    lines = [closing.format(line) for line in [summary(report), *report.segmentation.notes]]
+    lines = [closing.format(line) for line in [summary(report), *report.notes]]
     if form == "latex":
         return "\n".join(parts) + "\n".join(lines) + "\n"
     return "\n".join(parts) + "\n" + "\n".join(_escape_notes(lines, form)) + "\n"

@@ -36,7 +36,7 @@ def render_page(report: Report) -> str:
         script=script,
         title=escape(page_title(report)),
         headline=escape(summary(report)),
-        notes="".join(f"<li>{escape(note)}</li>" for note in report.segmentation.notes),
+        notes="".join(f"<li>{escape(note)}</li>" for note in report.notes),
         frames=still.frames_html(report, payload.photographs(report)),
         toggles=sections.toggles_html(report),
         motions=sections.motions_html(report),

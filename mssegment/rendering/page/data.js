@@ -8,6 +8,7 @@ const points = new Int16Array(bytes(data.points).buffer);
 const labels = new Int16Array(bytes(data.labels).buffer);
 const truth = data.truth === null ? null : new Int16Array(bytes(data.truth).buffer);
 const wrong = bytes(data.wrong);
+const carriers = bytes(data.carriers); // the tracks whose way is drawn: all, where there is room
 const residuals = new Float32Array(bytes(data.residuals).buffer);
 const frames = data.frames.length;
 const tracks = data.tracks;

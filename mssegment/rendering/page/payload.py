@@ -16,6 +16,7 @@ from mssegment.rendering.layout import typical_spacing
 from mssegment.rendering.report import Picture, Report
 from mssegment.rendering.scene import OUTLINES
 from mssegment.rendering.style import hexadecimal, mark, text_on
+from mssegment.rendering.thinning import carriers
 
 LONGEST_SIDE = 1600
 """Photographs on the page are not larger than this."""
@@ -136,6 +137,7 @@ def numbers(report: Report) -> dict[str, Any]:
         "points": _base64(coded, "<i2"),
         "labels": _base64(np.clip(report.labels, -32000, 32000), "<i2"),
         "truth": None if report.truth is None else _base64(report.truth, "<i2"),
+        "carriers": _base64(carriers(report, 0) if report.frames else np.zeros(0), "u1"),
         "wrong": _base64(wrong_tracks(report), "u1"),
         "residuals": _base64(np.array(residuals), "<f4"),
         "looks": [

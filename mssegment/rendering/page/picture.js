@@ -50,10 +50,12 @@ function drawWays(context, look, list) {
   context.strokeStyle = look.colour;
   context.globalAlpha = look.label > 0 ? 0.6 : 0.35;
   context.lineWidth = (look.label > 0 ? 1.5 : 0.9) * unit;
+  const arrows = [];
   context.beginPath();
   for (const track of list) {
     const [first, last] = firstAndLast[track];
     if (first < 0 || !seen(track, state.frame)) continue;
+    if (!carriers[track] && last - first <= RECENT) continue;
     const long = last - first > RECENT;
     const from = long ? Math.max(first, state.frame - RECENT) : first;
     const to = long ? state.frame : last;
@@ -65,9 +67,27 @@ function drawWays(context, look, list) {
       else context.moveTo(x * scale, y * scale);
       pen = true;
     }
+    if (!long) arrows.push([place(track, from), place(track, to)]);
   }
   context.stroke();
+  context.beginPath();
+  arrows.forEach(([start, end]) => traceHead(context, start, end, 4 * context.lineWidth));
+  context.fillStyle = look.colour;
+  context.fill();
   context.globalAlpha = 1;
+}
+
+// an arrow head where a way ends, if the way is long enough to carry one
+function traceHead(context, start, end, size) {
+  const dx = (end[0] - start[0]) * scale, dy = (end[1] - start[1]) * scale;
+  const length = Math.hypot(dx, dy);
+  if (length < 2.2 * size) return;
+  const ax = (dx / length) * size, ay = (dy / length) * size;
+  const x = end[0] * scale, y = end[1] * scale;
+  context.moveTo(x + 0.4 * ax, y + 0.4 * ay);
+  context.lineTo(x - 1.1 * ax - 0.6 * ay, y - 1.1 * ay + 0.6 * ax);
+  context.lineTo(x - 1.1 * ax + 0.6 * ay, y - 1.1 * ay - 0.6 * ax);
+  context.closePath();
 }
 
 function drawLayer({ look, canvas, context }) {

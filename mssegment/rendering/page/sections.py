@@ -263,7 +263,7 @@ def provenance_html(report: Report) -> str:
 def _settings(entry: Mapping[str, Any]) -> str:
     settings = entry.get("settings", {})
     items = settings.items() if isinstance(settings, Mapping) else [("settings", settings)]
-    known = {"stage", "version", "settings"}
+    known = {"stage", "version", "settings", "notes"}
     items = [*items, *((k, v) for k, v in entry.items() if k not in known and v)]
     return "<br>".join(
         f"<code>{escape(str(key))}</code> {escape(json.dumps(value, default=str))}"

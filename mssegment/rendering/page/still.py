@@ -12,6 +12,7 @@ from mssegment.rendering.page.payload import label_class, shown_labels
 from mssegment.rendering.report import Report
 from mssegment.rendering.scene import OUTLINES
 from mssegment.rendering.style import mark, sizes
+from mssegment.rendering.thinning import carriers
 
 MOST_MARKERS = 1500
 """More tracks than this are thinned in the still picture; the script shows all of them."""
@@ -44,6 +45,7 @@ def marks_svg(report: Report, index: int) -> str:
     frame = report.frames[index]
     size = sizes(frame.width, frame.height, typical_spacing(report))
     thin = max(1, -(-len(report.labels) // MOST_MARKERS))
+    shown = carriers(report, index)
     groups, shapes = [], []
     for label in reversed(shown_labels(report)):
         members = report.members(label)[::thin]
@@ -55,7 +57,7 @@ def marks_svg(report: Report, index: int) -> str:
         uses = "".join(f'<use href="#s-{name}" x="{x:g}" y="{y:g}"/>' for x, y in places)
         groups.append(
             f'<g class="{name}"><path class="way" stroke-width="{size.line:.2f}" '
-            f'd="{_ways(ways[seen])}"/>'
+            f'd="{_ways(ways[seen & shown[members]])}"/>'
             f'<g class="mark">{uses}</g></g>'
         )
     return (

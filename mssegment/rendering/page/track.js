@@ -5,7 +5,7 @@ const text = (tag, content, name) => {
   if (name) element.className = name;
   return element;
 };
-const digits = (value) => (Number.isFinite(value) ? value.toFixed(value < 10 ? 2 : 1) : "–");
+const digits = (value) => (Number.isFinite(value) ? value.toFixed(Math.abs(value) < 10 ? 2 : 1) : "–");
 const residual = (row, track) => residuals[row * tracks + track];
 const named = (label) => looks.get(label)?.name.replace("outliers", "outlier") ?? String(label);
 
