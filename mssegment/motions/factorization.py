@@ -82,6 +82,12 @@ class Factorization(MotionModel):
         return np.asarray(np.linalg.norm(across, axis=-1) * coordinates.scale)
 
     def free_extent(self, observed: Floats, coordinates: Coordinates) -> float:
-        """The k coordinates of a track inside its subspace, each over the extent of the tracks."""
-        extent = np.ptp(observed, axis=0).max() * coordinates.scale * np.sqrt(self.frames)
-        return float(self.rank * np.log(max(extent, 1.0)))
+        """The place of a track in the first frame, and k - 2 more coordinates in the subspace.
+
+        Two of the k dimensions are where the track begins. The others say how it moves from frame
+        to frame, so their extent is that of the displacements, not that of the picture.
+        """
+        points = observed * coordinates.scale
+        place = np.log(np.maximum(np.ptp(points[:, 0], axis=0), 1.0)).sum()
+        displacement = np.ptp(np.diff(points, axis=1).reshape(-1, 2), axis=0).max()
+        return float(place + (self.rank - 2) * np.log(max(displacement, 1.0)))

@@ -18,8 +18,9 @@ from mssegment.records import BACKGROUND, OUTLIER, Floats, Integers
 
 BANDWIDTH = 2.0
 """Pixels, for the mean shift over the displacements."""
-STILL = 2.0
-"""Pixels; a camera whose most common displacement is larger moves."""
+STILL = 0.005
+"""Share of the picture's diagonal; a camera whose most common displacement is larger moves, less is
+shake (4 pixels in 640 x 480: a bridge under traffic sways by 2)."""
 NEAR = 1.5
 """Pixels from the most common displacement within which a track shares it."""
 LEAST_SHARE = 0.15
@@ -64,7 +65,8 @@ def find_background(
         if not static:
             return Background(status, (f"the camera moves ({reason}): no background removed",))
     # a shake is small; a large common displacement is a motion
-    shake = np.where(np.linalg.norm(shake, axis=-1, keepdims=True) < STILL, shake, 0.0)
+    largest = STILL * float(np.hypot(*frame_size))
+    shake = np.where(np.linalg.norm(shake, axis=-1, keepdims=True) < largest, shake, 0.0)
     distance = np.linalg.norm(displacement - shake, axis=-1)
     seen_again = np.isfinite(distance).sum(axis=1) > 1
     still = seen_again & ~(distance >= min_displacement).any(axis=1)
@@ -89,7 +91,7 @@ def is_static(
         if not seen.any():
             continue
         shift = float(np.linalg.norm(shake[frame]))
-        if shift >= STILL:
+        if shift >= STILL * float(np.hypot(*frame_size)):
             return False, f"most tracks move by {shift:.1f} px until frame {frame + 1}"
         gap = np.linalg.norm(displacement[seen, frame] - shake[frame], axis=1)
         share = float((gap < NEAR).mean())
