@@ -132,7 +132,7 @@ def _segmentation(
         found.append(_motion(label, choice.motions[j], inliers, residuals[j][owner == j], views))
     everywhere = np.full((len(found), len(points)), np.nan)
     everywhere[:, judged] = residuals[order]
-    label_of_mode = {choice.motions[j].mode: label for label, j in enumerate(order, start=1)}
+    label_of_mode = _strongest_modes(modes, assignments, views, labels, found)
     named = tuple(
         Mode(m.set, m.hypotheses, m.kde, m.point, label_of_mode.get(i, 0))
         for i, m in enumerate(modes)
@@ -140,6 +140,32 @@ def _segmentation(
     return Segmentation(
         labels, named, tuple(found), bandwidths, everywhere, assignments, choice.notes
     )
+
+
+def _strongest_modes(
+    modes: Sequence[Mode],
+    assignments: Sequence[Integers],
+    views: Sequence[View],
+    labels: Integers,
+    motions: Sequence[Motion],
+) -> dict[int, int]:
+    """The densest mode of each motion, mode -> label.
+
+    A mode belongs to a motion when most tracks of the elemental subsets that converge to it do. The
+    candidate that a selection happened to refit may have been a weak neighbour of it.
+    """
+    set_of = {motion.label: motion.set for motion in motions}
+    owner: dict[int, int] = {}
+    for index, mode in enumerate(modes):
+        subsets = views[mode.set].hypotheses.subsets[assignments[mode.set] == index]
+        names, counts = np.unique(labels[subsets], return_counts=True)
+        if not len(names):
+            continue
+        label = int(names[counts.argmax()])
+        of_this_set = label > 0 and set_of[label] == mode.set
+        if of_this_set and 2 * counts.max() > counts.sum() and label not in owner.values():
+            owner[index] = label
+    return owner
 
 
 def _residuals(views: Sequence[View], chosen: Sequence[Chosen], tracks: int) -> Floats:
