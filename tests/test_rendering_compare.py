@@ -74,11 +74,13 @@ def test_the_picture_colours_the_same_object_the_same(swapped):
         assert left > 5 * right
 
 
-def test_four_go_into_two_rows():
-    content = comparison_picture(list("abcd"), [affine_report()] * 4)
+@pytest.mark.parametrize(("count", "columns"), [(3, 3), (4, 2), (5, 3)])
+def test_many_go_into_rows(count, columns):
+    content = comparison_picture(list("abcdef")[:count], [affine_report()] * count)
     picture = cv2.imdecode(np.frombuffer(content, np.uint8), cv2.IMREAD_COLOR)
     one = cv2.imdecode(
         np.frombuffer(comparison_picture(["a"], [affine_report()]), np.uint8), cv2.IMREAD_COLOR
     )
-    assert picture.shape[0] > 2 * one.shape[0]
-    assert picture.shape[1] > 3 * one.shape[1]
+    rows = -(-count // columns)
+    assert rows * one.shape[0] <= picture.shape[0] < (rows + 0.1) * one.shape[0]
+    assert columns * one.shape[1] < picture.shape[1] < (columns + 0.1) * one.shape[1]

@@ -24,7 +24,7 @@ from mssegment.rendering.scene import Label, Scene
 from mssegment.rendering.tables import FORMATS, Table, fixed, format_table
 
 COLUMNS = 3
-"""Pictures in a row."""
+"""At most so many pictures in a row; four go two by two."""
 
 
 def comparison_table(names: Sequence[str], reports: Sequence[Report]) -> Table:
@@ -115,10 +115,11 @@ def comparison_picture(
     if not scenes:
         raise UsageError("none of these segmentations has a frame to draw")
     gap = max(6, scenes[0].width // 80)
+    columns = 2 if len(scenes) == 4 else COLUMNS
     rows = []
-    for start in range(0, len(scenes), COLUMNS):
+    for start in range(0, len(scenes), columns):
         row = scenes[start]
-        for scene in scenes[start + 1 : start + COLUMNS]:
+        for scene in scenes[start + 1 : start + columns]:
             row = stack_right(row, scene, gap)
         rows.append(row)
     whole = rows[0]
