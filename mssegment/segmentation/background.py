@@ -1,7 +1,7 @@
 """Background: what stands still under a static camera is no motion.
 
-The camera is static where the most common displacement is about zero, many tracks share it, and
-they lie all over the picture: an object that happens to stand still fills few places.
+The camera is static where the tracks that stand still lie all over the picture: an object that
+happens to stand still fills few places. They need not be most of the tracks: texture decides that.
 """
 
 from __future__ import annotations
@@ -19,10 +19,10 @@ from mssegment.records import BACKGROUND, OUTLIER, Floats, Integers
 BANDWIDTH = 2.0
 """Pixels, for the mean shift over the displacements."""
 STILL = 0.005
-"""Share of the picture's diagonal; a camera whose most common displacement is larger moves, less is
-shake (4 pixels in 640 x 480: a bridge under traffic sways by 2)."""
+"""Share of the picture's diagonal up to which a common displacement is shake, not motion (4 pixels
+in 640 x 480: a bridge under traffic sways by 2)."""
 NEAR = 1.5
-"""Pixels from the most common displacement within which a track shares it."""
+"""Pixels from the shake within which a track stands still."""
 LEAST_SHARE = 0.15
 """Share of the tracks that stand still, at least, under a static camera. Low: textured objects
 give many tracks and a plain wall few; where the still ones lie says more."""
@@ -51,22 +51,19 @@ def find_background(
     """Which of the tracks [P, F, 2] (pixels, NaN where not seen) are background.
 
     A track is background where it stays within ``min_displacement`` pixels of where it started,
-    in every frame, after the shake of the camera (the most common displacement of each frame, where
-    that is small) is taken away. ``remove`` says whether to look; ``auto`` looks where the camera
+    in every frame, after the shake of the camera (the most common small displacement of each frame)
+    is taken away. ``remove`` says whether to look; ``auto`` looks where the camera
     is static. ``frame_size`` is (width, height).
     """
     status = np.full(len(points), OUTLIER, dtype=np.int64)
     if remove is False or len(points) == 0:
         return Background(status)
     displacement = displacements(points)
-    shake = _shake(displacement)
+    shake = _shake(displacement, STILL * float(np.hypot(*frame_size)))
     if remove == "auto":
         static, reason = is_static(points, displacement, shake, frame_size)
         if not static:
             return Background(status, (f"the camera moves ({reason}): no background removed",))
-    # a shake is small; a large common displacement is a motion
-    largest = STILL * float(np.hypot(*frame_size))
-    shake = np.where(np.linalg.norm(shake, axis=-1, keepdims=True) < largest, shake, 0.0)
     distance = np.linalg.norm(displacement - shake, axis=-1)
     seen_again = np.isfinite(distance).sum(axis=1) > 1
     still = seen_again & ~(distance >= min_displacement).any(axis=1)
@@ -90,9 +87,6 @@ def is_static(
         seen = np.isfinite(displacement[:, frame]).all(axis=1)
         if not seen.any():
             continue
-        shift = float(np.linalg.norm(shake[frame]))
-        if shift >= STILL * float(np.hypot(*frame_size)):
-            return False, f"most tracks move by {shift:.1f} px until frame {frame + 1}"
         gap = np.linalg.norm(displacement[seen, frame] - shake[frame], axis=1)
         share = float((gap < NEAR).mean())
         if share < LEAST_SHARE:
@@ -103,15 +97,17 @@ def is_static(
     return True, ""
 
 
-def _shake(displacement: Floats) -> Floats:
-    """The most common displacement of each frame, pixels [F, 2]."""
+def _shake(displacement: Floats, largest: float) -> Floats:
+    """The densest displacement of each frame among those up to ``largest`` pixels, [F, 2]."""
     shake = np.zeros(displacement.shape[1:])
     for frame in range(1, len(shake)):
         moved = displacement[:, frame]
         moved = moved[np.isfinite(moved).all(axis=1)]
         if len(moved):
             sample = moved[np.linspace(0, len(moved) - 1, min(len(moved), SAMPLE)).astype(int)]
-            shake[frame] = MeanShift("euclidean(2)", BANDWIDTH).fit(sample).modes_[0]
+            modes = MeanShift("euclidean(2)", BANDWIDTH).fit(sample).modes_
+            small = modes[np.linalg.norm(modes, axis=1) < largest]
+            shake[frame] = small[0] if len(small) else 0.0
     return shake
 
 
