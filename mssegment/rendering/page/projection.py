@@ -156,12 +156,15 @@ def _paths(
     bandwidths = report.segmentation.bandwidths
     if index >= len(bandwidths) or not 0 < bandwidths[index] < np.inf:
         return []
-    cloud, h = report.sets[index].points[chosen], bandwidths[index]
-    x = cloud[starts]
+    points = report.sets[index].points[chosen]
+    cloud = manifold.cloud(points, bandwidths[index])
+    x = points[starts]
     steps = [x]
     for _ in range(STEPS):
-        weights = np.exp(-0.5 * manifold.pairwise_dist2(x, cloud) / h**2)
-        x = manifold.exp(x, manifold.mean_tangent(x, cloud, weights))
+        view = cloud.seen_from(x)
+        weights = np.exp(-0.5 * view.z)
+        total = weights.sum(axis=1).reshape(-1, *(1,) * (x.ndim - 1))
+        x = manifold.exp(x, view.weighted_sum(weights) / np.maximum(total, 1e-300))
         steps.append(x)
     return list(np.stack(steps, axis=1))
 
