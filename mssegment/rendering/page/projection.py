@@ -156,15 +156,12 @@ def _paths(
     bandwidths = report.segmentation.bandwidths
     if index >= len(bandwidths) or not 0 < bandwidths[index] < np.inf:
         return []
-    points = report.sets[index].points[chosen]
-    cloud = manifold.cloud(points, bandwidths[index])
-    x = points[starts]
+    cloud, h = report.sets[index].points[chosen], bandwidths[index]
+    x = cloud[starts]
     steps = [x]
     for _ in range(STEPS):
-        view = cloud.seen_from(x)
-        weights = np.exp(-0.5 * view.z)
-        total = weights.sum(axis=1).reshape(-1, *(1,) * (x.ndim - 1))
-        x = manifold.exp(x, view.weighted_sum(weights) / np.maximum(total, 1e-300))
+        weights = np.exp(-0.5 * manifold.pairwise_dist2(x, cloud) / h**2)
+        x = manifold.exp(x, manifold.mean_tangent(x, cloud, weights))
         steps.append(x)
     return list(np.stack(steps, axis=1))
 
