@@ -11,10 +11,14 @@ from mssegment.errors import DataError
 from mssegment.motions import Flags
 from mssegment.records import NOT_JUDGED, OUTLIER, Floats, HypothesisSet, Integers
 from mssegment.segmentation.consensus.bodies import Bodies
-from mssegment.segmentation.consensus.comembership import CoMembership, comembership
+from mssegment.segmentation.consensus.comembership import (
+    CoMembership,
+    CoMemberships,
+    residuals_of,
+)
 from mssegment.segmentation.consensus.cuts import Cuts
 from mssegment.segmentation.consensus.evidence import EVIDENCE
-from mssegment.segmentation.consensus.outliers import first_test, second_test, two_frame_misfit
+from mssegment.segmentation.consensus.outliers import Misfit, first_test, second_test
 
 MOST_MOTIONS = 8
 """The most motions that are looked for where nobody says how many there are."""
@@ -26,7 +30,7 @@ SMALLEST, SMALLEST_SHARE = 8, 0.02
 class Consensus:
     """The outcome: ``labels`` [P] 1..m by size, 0 outlier, -2 seen too briefly.
 
-    ``misfit`` [P] is that of ``two_frame_misfit`` (pixels); ``evidence`` names the kinds of
+    ``misfit`` [P] is that of ``Misfit`` (pixels); ``evidence`` names the kinds of
     hypotheses that were read; ``notes`` are sentences for the user.
     """
 
@@ -58,8 +62,12 @@ def cluster_by_consensus(
         own[~eligible] = np.nan
     usable = [entry for entry in sets if len(entry.points)]
     _check(usable)
-    misfit = two_frame_misfit(own, usable)
-    kinds = comembership(own, usable)
+    misfits, memberships = Misfit(own), CoMemberships(len(points))
+    for entry in usable:
+        seen, squared = residuals_of(own, entry)
+        misfits.add(entry, seen, squared)
+        memberships.add(entry, seen, squared)
+    misfit, kinds = misfits.pixels(), memberships.kinds
     labels = np.full(len(points), OUTLIER, dtype=np.int64)
     unseen = np.isnan(misfit)
     labels[chosen[unseen[chosen]]] = NOT_JUDGED

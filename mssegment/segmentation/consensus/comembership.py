@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -45,28 +44,31 @@ def residuals_of(points: Floats, entry: HypothesisSet) -> tuple[Integers, Floats
     return seen, EVIDENCE[entry.model].squared_residuals(entry.points, observed)
 
 
-def comembership(points: Floats, sets: Sequence[HypothesisSet]) -> dict[str, CoMembership]:
-    """Co-membership by kind of evidence: of each set a track marks the hypotheses that fit best."""
-    total = len(points)
-    found: dict[str, CoMembership] = {}
-    for entry in sets:
-        if not len(entry.points):
-            continue
-        seen, squared = residuals_of(points, entry)
-        best = max(3, round(EVIDENCE[entry.model].share * len(entry.points)))
-        marks = mark_best(squared, min(best, len(entry.points)))
+class CoMemberships:
+    """Co-membership by kind of evidence, set after set."""
+
+    def __init__(self, total: int) -> None:
+        """For ``total`` tracks."""
+        self._total = total
+        self.kinds: dict[str, CoMembership] = {}
+
+    def add(self, entry: HypothesisSet, seen: Integers, squared: Floats) -> None:
+        """What ``residuals_of`` found: of a set a track marks the hypotheses that fit it best."""
+        share = EVIDENCE[entry.model].share
+        best = min(max(3, round(share * len(entry.points))), len(entry.points))
+        marks = mark_best(squared, best)
         agreement = marks @ marks.T / np.float32(best)
-        if entry.model not in found:
-            zeros = np.zeros((total, total), dtype=np.float32)
-            found[entry.model] = CoMembership(zeros, zeros.copy())
-        kind = found[entry.model]
-        if len(seen) == total:
+        if entry.model not in self.kinds:
+            zeros = np.zeros((self._total, self._total), dtype=np.float32)
+            self.kinds[entry.model] = CoMembership(zeros, zeros.copy())
+        kind = self.kinds[entry.model]
+        if len(seen) == self._total:
             np.add(kind.agreement, agreement, out=kind.agreement)
             np.add(kind.shared, np.float32(1), out=kind.shared)
         else:
-            kind.agreement[np.ix_(seen, seen)] += agreement
-            kind.shared[np.ix_(seen, seen)] += 1
-    return found
+            block = np.ix_(seen, seen)
+            kind.agreement[block] += agreement
+            kind.shared[block] += 1
 
 
 def mark_best(squared: Floats, best: int) -> Singles:

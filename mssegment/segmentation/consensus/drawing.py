@@ -132,9 +132,7 @@ def draw_subsets(neighbours: Integers, size: int, count: int, rng: np.random.Gen
     seeds = rng.integers(tracks, size=local)
     places = rng.random((local, near)).argsort(axis=1)[:, : size - 1]
     around = np.take_along_axis(neighbours[seeds], places, axis=1)
-    anywhere = np.stack(
-        [rng.choice(tracks, size=size, replace=False) for _ in range(count - local)]
-    )
+    anywhere = rng.random((count - local, tracks)).argpartition(size - 1, axis=1)[:, :size]
     return np.concatenate([np.concatenate([seeds[:, None], around], axis=1), anywhere])
 
 

@@ -71,11 +71,12 @@ class Flat(Evidence):
         """Squared distance to the flat in R^4."""
         matches = observed.reshape(len(observed), 4)
         foot, directions = _flat_of_subspace(points)
-        along = (matches @ np.moveaxis(directions, 1, 0).reshape(4, -1)).reshape(
-            len(matches), len(points), -1
-        ) - np.einsum("bi,bik->bk", foot, directions)
         apart = (matches**2).sum(axis=1)[:, None] + (foot**2).sum(axis=1) - 2 * matches @ foot.T
-        return np.asarray(np.maximum(apart - (along**2).sum(axis=2), 0.0))
+        for k in range(directions.shape[2]):
+            axis = directions[:, :, k]
+            along = matches @ axis.T - (foot * axis).sum(axis=1)
+            apart -= along**2
+        return np.asarray(np.maximum(apart, 0.0))
 
 
 class Subspace(Evidence):
@@ -104,9 +105,10 @@ class Subspace(Evidence):
     def squared_residuals(self, points: Floats, observed: Floats) -> Floats:
         """Squared distance to the subspace in R^2F."""
         vectors = observed.reshape(len(observed), -1)
-        along = vectors @ np.moveaxis(points, 1, 0).reshape(vectors.shape[1], -1)
-        inside = (along.reshape(len(vectors), len(points), -1) ** 2).sum(axis=2)
-        return np.asarray(np.maximum((vectors**2).sum(axis=1)[:, None] - inside, 0.0))
+        apart = np.repeat((vectors**2).sum(axis=1)[:, None], len(points), axis=1)
+        for k in range(points.shape[2]):
+            apart -= (vectors @ points[:, :, k].T) ** 2
+        return np.asarray(np.maximum(apart, 0.0))
 
 
 class PlaneMap(Evidence):

@@ -11,6 +11,8 @@ from mssegment.motions import Flags
 from mssegment.records import Floats, HypothesisSet, Integers
 from mssegment.segmentation.consensus.comembership import residuals_of
 
+PLACED = ("flat", "homography")
+"""Evidence that holds near its seed."""
 LOCAL = 20
 """A track's misfit comes from hypotheses whose seed is among so many nearest tracks."""
 MISFIT_OF_EXTENT, MISFIT_OF_MEDIAN = 0.0125, 8.0
@@ -34,33 +36,60 @@ def extent(points: Floats) -> float:
     return max(1.2 * float(np.nanmedian(np.linalg.norm(points - middle, axis=-1))), 1e-9)
 
 
-def two_frame_misfit(points: Floats, sets: Sequence[HypothesisSet]) -> Floats:
-    """How badly each track [P, F, 2] fits the motions around it, pixels [P]; NaN: seen in no pair.
+class Misfit:
+    """How badly each track fits the motions around it, set after set.
 
     Per frame pair the best residual among the hypotheses that are seeded in the track's nearest
     and not made from itself; the geometric mean over the pairs.
     """
-    logs, counts = np.zeros(len(points)), np.zeros(len(points))
-    local = [entry for entry in sets if entry.model in ("flat", "homography") and len(entry.points)]
-    neighbours: dict[bytes, Integers] = {}
-    for entry in local:
-        seen, squared = residuals_of(points, entry)
-        own = _made_from(entry.subsets, seen, len(points))
-        squared = np.where(own, np.inf, squared)
-        key = seen.tobytes()
-        if key not in neighbours:
-            neighbours[key] = nearest_neighbours(_filled(points[seen], entry.frames), LOCAL)
-        near = np.zeros((len(seen), len(points)), dtype=bool)
-        np.put_along_axis(near, seen[neighbours[key]], True, axis=1)
-        around = near[:, entry.subsets[:, 0]]
+
+    def __init__(self, points: Floats) -> None:
+        """For the tracks ``points`` [P, F, 2] (pixels)."""
+        self._points = points
+        self._logs, self._counts = np.zeros(len(points)), np.zeros(len(points))
+        self._near: dict[bytes, Flags] = {}
+
+    def add(self, entry: HypothesisSet, seen: Integers, squared: Floats) -> None:
+        """What ``residuals_of`` found; sets that say nothing about a place are passed over."""
+        if entry.model not in PLACED:
+            return
+        squared = squared.copy()
+        of_track = np.full(len(self._points), -1)
+        of_track[seen] = np.arange(len(seen))
+        squared[of_track[entry.subsets], np.arange(len(entry.subsets))[:, None]] = np.inf
+        around = self._neighbourhood(entry, seen)[:, of_track[entry.subsets[:, 0]]]
         best = np.where(around, squared, np.inf).min(axis=1)
         best = np.where(np.isfinite(best), best, squared.min(axis=1))
         usable = np.isfinite(best)
         residual = np.sqrt(best[usable]) * entry.coordinates.scale
-        logs[seen[usable]] += np.log(np.maximum(residual, 1e-9))
-        counts[seen[usable]] += 1
-    with np.errstate(invalid="ignore"):
-        return np.exp(logs / np.where(counts > 0, counts, np.nan))
+        self._logs[seen[usable]] += np.log(np.maximum(residual, 1e-9))
+        self._counts[seen[usable]] += 1
+
+    def pixels(self) -> Floats:
+        """The misfit of each track [P], NaN for what no pair sees."""
+        counts = np.where(self._counts > 0, self._counts, np.nan)
+        return np.asarray(np.exp(self._logs / counts))
+
+    def _neighbourhood(self, entry: HypothesisSet, seen: Integers) -> Flags:
+        """Which of the seen tracks [n, n] are near which: by whole tracks if all are complete."""
+        tracks = self._points[seen]
+        whole = np.isfinite(tracks).all()
+        key = seen.tobytes() + (b"" if whole else repr(entry.frames).encode())
+        if key not in self._near:
+            nearest = nearest_neighbours(tracks if whole else tracks[:, entry.frames], LOCAL)
+            near = np.zeros((len(seen), len(seen)), dtype=bool)
+            np.put_along_axis(near, nearest, True, axis=1)
+            self._near = {key: near}
+        return self._near[key]
+
+
+def two_frame_misfit(points: Floats, sets: Sequence[HypothesisSet]) -> Floats:
+    """The ``Misfit`` of the tracks [P, F, 2] in pixels [P]; NaN: seen in no pair."""
+    misfit = Misfit(points)
+    for entry in sets:
+        if entry.model in PLACED and len(entry.points):
+            misfit.add(entry, *residuals_of(points, entry))
+    return misfit.pixels()
 
 
 def first_test(points: Floats, misfit: Floats, *, perspective: bool = False) -> Flags:
@@ -127,14 +156,3 @@ def _principal(vectors: Floats, dimension: int) -> Floats:
     if tall:
         return np.asarray(axes[:, -count:])
     return np.asarray(vectors.T @ axes[:, -count:] / np.sqrt(np.maximum(values[-count:], 1e-30)))
-
-
-def _made_from(subsets: Integers, seen: Integers, total: int) -> Flags:
-    made = np.zeros((total, len(subsets)), dtype=bool)
-    np.put_along_axis(made, subsets.T, True, axis=0)
-    return np.asarray(made[seen])
-
-
-def _filled(tracks: Floats, frames: tuple[int, ...]) -> Floats:
-    """Whole tracks where all are complete, else the frames of the set."""
-    return tracks if np.isfinite(tracks).all() else tracks[:, frames]

@@ -37,7 +37,8 @@ MODE_NOTE = (
     "consensus: a mode is where mean shift arrives from its motion, its hypotheses are those made "
     "of the motion's tracks alone"
 )
-BANDWIDTH_SAMPLE = 300
+MODE_SAMPLE = 300
+"""So many hypotheses of a set tell the density; the bandwidth needs half of them."""
 TOLERANCE, MOST_STEPS = 1e-2, 200
 """Mean shift ends when the shift is below so many bandwidths, or after so many steps."""
 REWEIGHTINGS = 5
@@ -171,13 +172,14 @@ def _modes(
         entry = sets[place]
         own = [motion for motion in motions if motion.set == place]
         manifold = manifolds.from_name(entry.manifold)
+        sample = entry.points[rng.permutation(len(entry.points))[:MODE_SAMPLE]]
         bandwidths[place] = (
-            nearest_neighbour_bandwidth(manifold, entry.points[:BANDWIDTH_SAMPLE], rng)
+            nearest_neighbour_bandwidth(manifold, sample[: MODE_SAMPLE // 2], rng)
             if bandwidth == "auto"
             else bandwidth
         )
         starts = np.stack([motion.parameters for motion in own])
-        reached, densities = climb(manifold, entry.points, starts, bandwidths[place], kernel)
+        reached, densities = climb(manifold, sample, starts, bandwidths[place], kernel)
         made_of = labels[entry.subsets]
         for motion, point, density in zip(own, reached, densities, strict=True):
             alone = (made_of == motion.label).all(axis=1)
