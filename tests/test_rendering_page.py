@@ -6,6 +6,7 @@ import base64
 import hashlib
 import json
 import re
+from dataclasses import replace
 from html.parser import HTMLParser
 
 import numpy as np
@@ -18,6 +19,7 @@ from mssegment.manifolds import from_name
 from mssegment.records import Coordinates, Frame, HypothesisSet, Mode, Segmentation, Tracks
 from mssegment.rendering.page import payload, render_page
 from mssegment.rendering.page.projection import project
+from mssegment.rendering.pictures import KINDS, render_pictures
 from mssegment.rendering.report import build_report
 
 VOID = {"meta", "input", "img", "br", "link"}
@@ -91,7 +93,7 @@ hostile = st.text(st.characters(exclude_categories=["Cs"]), max_size=30).map(
 )
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=10, deadline=None)
 @given(hostile)
 def test_hostile_text_is_escaped_everywhere(text):
     report = affine_report(
@@ -193,3 +195,32 @@ def test_the_tangent_view_keeps_distances_from_the_strongest_mode():
     assert fine.sum() > 20
     assert (drawn[fine] <= true[fine] * (1 + 1e-6)).all()
     assert np.allclose(view.modes[0], view.origin)
+
+
+wild = st.one_of(
+    st.floats(-1e12, 1e12),
+    st.floats(-1.0, 400.0),
+    st.just(float("nan")),
+    st.sampled_from([0.0, -0.5, 319.5, 1e30, -1e30]),
+)
+
+
+@settings(max_examples=8, deadline=None)
+@given(st.lists(st.tuples(wild, wild, wild, wild), min_size=1, max_size=12), st.integers(0, 2))
+def test_wild_tracks_are_drawn_somehow(rows, label):
+    points = np.array(rows).reshape(-1, 2, 2)
+    points[~np.isfinite(points).all(axis=2)] = np.nan
+    plain = affine_report(truth=False)
+    labels = np.full(len(points), label)
+    residuals = np.abs(np.nan_to_num(points[:, 0].T, nan=1.0))
+    changed = replace(plain.segmentation, labels=labels, residuals=residuals)
+    report = replace(plain, tracks=Tracks(points), segmentation=changed)
+    assert Reader(render_page(report)).open == []
+    assert len(render_pictures(report, "jpg", KINDS)) == 6
+    assert render_pictures(report, "svg", ["overlay"])
+
+
+def test_a_set_that_does_not_fit_its_manifold_is_not_drawn():
+    report = affine_report()
+    bent = replace(report.sets[0], manifold="grassmann(10,3)")
+    assert "There are no hypotheses to draw" in render_page(replace(report, sets=(bent,)))

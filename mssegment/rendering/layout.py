@@ -79,7 +79,7 @@ def view_of(report: Report, index: int) -> View:
     frame = report.frames[index]
     longest = max(frame.width, frame.height)
     scale = min(MAX_ENLARGEMENT, max(1.0, LONG_SIDE / longest), LARGEST / longest)
-    size = (round(frame.width * scale), round(frame.height * scale))
+    size = (max(1, round(frame.width * scale)), max(1, round(frame.height * scale)))
     picture = report.pictures(index)
     if picture is None:
         blank = np.full((size[1], size[0], 3), 236, dtype=np.uint8)

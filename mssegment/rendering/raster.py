@@ -15,6 +15,7 @@ from mssegment.rendering.style import PAPER, Colour, bgr, text_on
 
 _SHIFT = 4
 """OpenCV's fixed-point coordinates: 4 binary places."""
+_FAR = 1e6
 
 
 def paint(scene: scenes.Scene) -> Picture:
@@ -43,7 +44,8 @@ def _paint_item(canvas: Picture, item: scenes.Item) -> None:
 
 
 def _fixed(points: Floats) -> Any:
-    return np.rint(points * (1 << _SHIFT)).astype(np.int32)
+    # a wild outlier may lie anywhere; OpenCV counts in 32 bits
+    return np.rint(np.clip(points, -_FAR, _FAR) * (1 << _SHIFT)).astype(np.int32)
 
 
 def _markers(canvas: Picture, item: scenes.Markers) -> None:

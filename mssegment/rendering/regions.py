@@ -57,7 +57,7 @@ def hulls(points: Floats, width: int, height: int) -> Contours:
 
     Discs around the settled points, closed and smoothed.
     """
-    points = points[np.isfinite(points).all(axis=1)]
+    points = points[_near(points, width, height)]
     points = points[settled(points)]
     if len(points) < 3:
         return ()
@@ -76,6 +76,12 @@ def hulls(points: Floats, width: int, height: int) -> Contours:
         for contour in contours
         if len(contour) >= 8
     )
+
+
+def _near(points: Floats, width: int, height: int) -> npt.NDArray[np.bool_]:
+    """Which points [n, 2] lie in the picture or not far from it; the others cannot be drawn."""
+    size = np.array([width, height])
+    return np.asarray((np.abs(np.nan_to_num(points, nan=np.inf) - size / 2) <= size).all(axis=1))
 
 
 def _smooth(mask: Mask, radius: int) -> Mask:
@@ -111,7 +117,7 @@ def dense_labels(report: Report, index: int, picture: Picture) -> npt.NDArray[np
 
 def _markers(report: Report, points: Floats, height: int, width: int) -> npt.NDArray[np.int32]:
     """The seeds of the watershed: 0 unknown, 1..m motions, m + 1 no motion."""
-    seen = np.isfinite(points).all(axis=1)
+    seen = _near(points, width, height)
     nothing = len(report.motions) + 1
     markers = np.full((height, width), nothing, dtype=np.int32)
     seeds = []

@@ -152,6 +152,8 @@ def _residual_errors(
         return None, None
     rank = motion.parameters.shape[-1] if motion.model == "factorization" else 3
     model = make(motion.model, frames=len(chosen.frames), rank=rank)
+    if motion.parameters.shape != model.manifold.point_shape:
+        return None, None
     points = seen[:, list(chosen.frames)]
     inliers = np.flatnonzero((truth == true_label) & np.isfinite(points).all(axis=(1, 2)))
     if len(inliers) < model.subset_size:

@@ -52,12 +52,18 @@ class Projection:
 
 
 def project(report: Report, index: int) -> Projection | None:
-    """The view of hypothesis set ``index``; None where it has no hypotheses or no mode."""
+    """The view of hypothesis set ``index``; None where there is nothing on its manifold to show."""
     chosen_set = report.sets[index]
     modes = [i for i, mode in enumerate(report.segmentation.modes) if mode.set == index]
     if not len(chosen_set.points) or not modes:
         return None
     manifold = from_name(chosen_set.manifold)
+    shapes = {
+        chosen_set.points.shape[1:],
+        *(report.segmentation.modes[i].point.shape for i in modes),
+    }
+    if shapes != {manifold.point_shape}:
+        return None
     step = -(-len(chosen_set.points) // MOST_POINTS)
     chosen = np.arange(0, len(chosen_set.points), step)
     labels = _labels(report, index, modes)[chosen]
