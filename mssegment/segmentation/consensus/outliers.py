@@ -32,6 +32,7 @@ def extent(points: Floats) -> float:
 
     1.2 times the median distance from the median point: about the rms radius.
     """
+    points = points[:, np.isfinite(points).all(axis=2).any(axis=0)]
     middle = np.nanmedian(points, axis=0)
     return max(1.2 * float(np.nanmedian(np.linalg.norm(points - middle, axis=-1))), 1e-9)
 
@@ -133,19 +134,24 @@ def leave_one_out_residuals(vectors: Floats, dimension: int = 3) -> Floats:
 
     Reweighted principal components; r / (1 - leverage) takes each vector's own pull away.
     """
-    weights = np.ones(len(vectors))
+    # far vectors start light: a lever would draw the flat to itself
+    weights = _weights(((vectors - np.median(vectors, axis=0)) ** 2).sum(axis=1))
     for _ in range(FLAT_ROUNDS):
         centred = vectors - weights @ vectors / weights.sum()
         directions = _principal(np.sqrt(weights)[:, None] * centred, dimension)
         along = centred @ directions
         squared = np.maximum((centred**2).sum(axis=1) - (along**2).sum(axis=1), 0.0)
         residual = np.sqrt(squared)
-        weights = (1 + squared / (4 * np.median(squared) + 1e-18)) ** -2.0
+        weights = _weights(squared)
     scatter = (weights[:, None] * along).T @ along
     leverage = weights * (
         np.einsum("ni,ni->n", along @ np.linalg.pinv(scatter), along) + 1 / weights.sum()
     )
     return np.asarray(residual / np.maximum(1 - leverage, 0.02))
+
+
+def _weights(squared: Floats) -> Floats:
+    return np.asarray((1 + squared / (4 * np.median(squared) + 1e-18)) ** -2.0)
 
 
 def _principal(vectors: Floats, dimension: int) -> Floats:

@@ -1,0 +1,320 @@
+"""Consensus on synthetic bodies: laws, invariances, outliers, gaps; and on the real sequences."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from mssegment import manifolds
+from mssegment.datasets import DATASETS
+from mssegment.errors import DataError
+from mssegment.evaluation import misclassification
+from mssegment.records import NOT_JUDGED, OUTLIER, Coordinates, HypothesisSet
+from mssegment.segmentation import cluster
+from mssegment.segmentation.consensus import (
+    cluster_by_consensus,
+    draw_consensus_sets,
+    segment_by_consensus,
+    uses_consensus,
+)
+from mssegment.segmentation.consensus.bodies import border_contrast, cloud_cost
+from mssegment.segmentation.consensus.comembership import mark_best
+from mssegment.segmentation.consensus.drawing import draw_subsets
+from mssegment.segmentation.consensus.evidence import EVIDENCE
+from mssegment.segmentation.consensus.outliers import leave_one_out_residuals
+from mssegment.segmentation.consensus.spectral import embedding, partition, sharpen
+
+
+def rigid_bodies(
+    rng: np.random.Generator, sizes=(80, 60, 40), frames: int = 20, noise: float = 0.15
+):
+    """Boxes of points that rotate and translate under an affine camera, and their labels."""
+    points, labels = [], []
+    for label, size in enumerate(sizes, start=1):
+        body = rng.uniform(-1, 1, (size, 3)) * (60, 60, 30)
+        place = np.array([150.0 * label, 120.0 + 90 * (label % 2)])
+        speed, spin = rng.uniform(-3, 3, 2), rng.uniform(-0.03, 0.03, 3)
+        for_frames = []
+        for frame in range(frames):
+            a, b, c = spin * frame
+            turn_z = np.array([[np.cos(a), -np.sin(a), 0], [np.sin(a), np.cos(a), 0], [0, 0, 1]])
+            turn_y = np.array([[np.cos(b), 0, np.sin(b)], [0, 1, 0], [-np.sin(b), 0, np.cos(b)]])
+            turn_x = np.array([[1, 0, 0], [0, np.cos(c), -np.sin(c)], [0, np.sin(c), np.cos(c)]])
+            seen = body @ (turn_z @ turn_y @ turn_x).T
+            for_frames.append(seen[:, :2] + place + speed * frame)
+        points.append(np.stack(for_frames, axis=1))
+        labels += [label] * size
+    tracks = np.concatenate(points)
+    return tracks + rng.normal(0, noise, tracks.shape), np.array(labels)
+
+
+def run(points: np.ndarray, seed: int = 0, **options):
+    rng = np.random.default_rng(seed)
+    return cluster_by_consensus(points, draw_consensus_sets(points, rng), rng, **options)
+
+
+@pytest.fixture(scope="module")
+def scene():
+    return rigid_bodies(np.random.default_rng(5))
+
+
+@pytest.mark.parametrize("name", EVIDENCE)
+def test_a_minimal_fit_lies_on_its_manifold_and_fits_its_subset(
+    name: str, rng: np.random.Generator
+) -> None:
+    kind = EVIDENCE[name]
+    frames = 6 if name == "factorization" else 2
+    samples = rng.normal(size=(20, kind.subset_size, frames, 2))
+    samples[:, :, 1:] = samples[:, :, :1] + 0.2 * samples[:, :, 1:]
+    found, sound = kind.fit(samples)
+    assert sound.any()
+    manifolds.from_name(kind.manifold(frames)).check_point(found[sound])
+    for one, subset in zip(found[sound], samples[sound], strict=True):
+        assert kind.squared_residuals(one[None], subset).max() < 1e-12
+
+
+def test_the_residual_of_a_flat_is_the_distance_in_r4(rng: np.random.Generator) -> None:
+    subset, other = rng.normal(size=(1, 3, 2, 2)), rng.normal(size=(7, 2, 2))
+    found, _ = EVIDENCE["flat"].fit(subset)
+    origin, *directions = subset.reshape(3, 4)
+    basis, _ = np.linalg.qr((np.array(directions) - origin).T)
+    gap = other.reshape(7, 4) - origin
+    expected = ((gap - gap @ basis @ basis.T) ** 2).sum(axis=1)
+    np.testing.assert_allclose(
+        EVIDENCE["flat"].squared_residuals(found, other)[:, 0], expected, atol=1e-10
+    )
+
+
+def test_epipolar_lines_of_a_perspective_body_are_met(rng: np.random.Generator) -> None:
+    world = rng.uniform((-1, -1, 4), (1, 1, 6), (30, 3))
+    turn = np.array([[np.cos(0.1), 0, np.sin(0.1)], [0, 1, 0], [-np.sin(0.1), 0, np.cos(0.1)]])
+    moved = world @ turn.T + (0.3, 0.1, 0.2)
+    matches = np.stack([p[:, :2] / p[:, 2:] for p in (world, moved)], axis=1)
+    kind = EVIDENCE["fundamental"]
+    found, sound = kind.fit(matches[None, :8])
+    assert sound.all()
+    assert kind.squared_residuals(found, matches).max() < 1e-12
+    wrong = matches + rng.normal(0, 0.05, matches.shape)
+    assert np.median(kind.squared_residuals(found, wrong)) > 1e-5
+
+
+def test_marks_are_the_best_ones(rng: np.random.Generator) -> None:
+    squared = rng.random((9, 30))
+    marks = mark_best(squared, 4)
+    np.testing.assert_array_equal(marks.sum(axis=1), 4)
+    assert (np.where(marks > 0, squared, 0).max(axis=1) < np.sort(squared, axis=1)[:, 4]).all()
+
+
+def test_subsets_hold_distinct_tracks(rng: np.random.Generator) -> None:
+    neighbours = np.array([[(i + k) % 40 for k in range(1, 13)] for i in range(40)])
+    subsets = draw_subsets(neighbours, 4, 500, rng)
+    assert subsets.shape == (500, 4)
+    assert (np.diff(np.sort(subsets, axis=1), axis=1) > 0).all()
+
+
+def test_spectral_partition_finds_blocks(rng: np.random.Generator) -> None:
+    truth = np.repeat([0, 1, 2], (20, 30, 10))
+    agreement = (truth[:, None] == truth) * 0.8 + rng.random((60, 60)) * 0.2
+    vectors = embedding(sharpen((agreement + agreement.T) / 2, 4), 5)
+    labels = partition(vectors, 3, rng)
+    assert misclassification(labels + 1, truth + 1) == 0
+
+
+def test_cost_of_a_cloud_does_not_depend_on_axes_or_origin(rng: np.random.Generator) -> None:
+    cloud = rng.normal(size=(80, 12)) * rng.uniform(1, 30, 12)
+    turn, _ = np.linalg.qr(rng.normal(size=(12, 12)))
+    assert cloud_cost(cloud @ turn + 100, 100) == pytest.approx(cloud_cost(cloud, 100))
+
+
+def test_contrast_is_low_between_bodies_and_about_one_inside(rng: np.random.Generator) -> None:
+    place = rng.uniform(0, 10, (200, 2))
+    gaps = np.linalg.norm(place[:, None] - place, axis=-1)
+    left, right = np.flatnonzero(place[:, 0] < 5), np.flatnonzero(place[:, 0] >= 5)
+    inside = np.exp(-gaps)
+    assert border_contrast(inside, gaps, left, right) == pytest.approx(1, abs=0.25)
+    same = (place[:, 0] < 5)[:, None] == (place[:, 0] < 5)
+    assert border_contrast(inside * same, gaps, left, right) < 0.05
+
+
+def test_leave_one_out_residuals_see_a_lever(rng: np.random.Generator) -> None:
+    flat = rng.normal(size=(40, 3)) @ rng.normal(size=(3, 20)) + rng.normal(0, 0.01, (40, 20))
+    flat[7] += 500 * rng.normal(size=20)
+    residual = leave_one_out_residuals(flat)
+    assert residual[7] > 50 * np.median(residual)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_bodies_are_found_and_counted(seed: int) -> None:
+    points, labels = rigid_bodies(np.random.default_rng(seed))
+    found = run(points, seed)
+    assert misclassification(found.labels, labels) <= 0.02
+    assert found.labels.max() == 3
+    sizes = np.bincount(found.labels)[1:]
+    assert (np.diff(sizes) <= 0).all()
+
+
+def test_one_body_is_one_motion() -> None:
+    for seed in range(5):
+        points, _ = rigid_bodies(np.random.default_rng(seed), sizes=(120,))
+        assert run(points, seed).labels.max() == 1
+
+
+@settings(max_examples=8, deadline=None)
+@given(
+    scale=st.sampled_from([0.1, 0.5, 2.0, 30.0]),
+    shift=st.tuples(st.floats(-1e4, 1e4), st.floats(-1e4, 1e4)),
+    seed=st.integers(0, 100),
+)
+def test_neither_scale_nor_place_nor_order_matters(scale, shift, seed) -> None:
+    points, labels = rigid_bodies(np.random.default_rng(5))
+    order = np.random.default_rng(seed).permutation(len(points))
+    found = run((points * scale + shift)[order], seed)
+    assert misclassification(found.labels, labels[order]) <= 0.02
+
+
+def test_same_seed_same_labels(scene) -> None:
+    points, _ = scene
+    np.testing.assert_array_equal(run(points, 3).labels, run(points, 3).labels)
+
+
+def test_outliers_end_as_outliers(scene) -> None:
+    points, labels = scene
+    rng = np.random.default_rng(1)
+    wrong = points[rng.integers(len(points), size=36)].copy()
+    for track in wrong:
+        track[:] = track[rng.permutation(len(track))]
+    found = run(np.concatenate([points, wrong])).labels
+    assert misclassification(found, np.concatenate([labels, np.zeros(36, int)])) <= 0.02
+    assert (found[len(points) :] == OUTLIER).mean() > 0.9
+
+
+def test_short_tracks_join_and_unseen_ones_are_not_judged(scene) -> None:
+    points, labels = scene
+    points = points.copy()
+    rng = np.random.default_rng(2)
+    cut = rng.choice(len(points), 30, replace=False)
+    for track in cut[1:]:
+        start = rng.integers(0, 8)
+        points[track, :start] = points[track, start + 12 :] = np.nan
+    points[cut[0], :] = np.nan
+    found = run(points).labels
+    assert found[cut[0]] == NOT_JUDGED
+    judged = found != NOT_JUDGED
+    assert judged.mean() > 0.95
+    assert misclassification(found, labels) <= 0.03
+
+
+def test_tracks_that_begin_and_end_anywhere() -> None:
+    points, labels = rigid_bodies(np.random.default_rng(8), sizes=(90, 70, 60), frames=24)
+    rng = np.random.default_rng(3)
+    for track in points:
+        length = rng.integers(8, 20)
+        start = rng.integers(0, 24 - length)
+        track[:start] = track[start + length :] = np.nan
+    found = run(points, motions=3)
+    assert found.evidence == ("homography", "fundamental")
+    assert misclassification(found.labels, labels) <= 0.03
+
+
+def test_excluded_tracks_take_no_part(scene) -> None:
+    points, labels = scene
+    eligible = labels != 2
+    rng = np.random.default_rng(0)
+    sets = draw_consensus_sets(points, rng, eligible=eligible)
+    assert all(eligible[entry.subsets].all() for entry in sets)
+    found = cluster_by_consensus(points, sets, rng, motions=2, eligible=eligible)
+    assert (found.labels[~eligible] == OUTLIER).all()
+    assert misclassification(found.labels[eligible], labels[eligible]) <= 0.02
+
+
+def test_every_motion_is_a_point_with_a_mode(scene) -> None:
+    points, labels = scene
+    rng = np.random.default_rng(0)
+    sets = draw_consensus_sets(points, rng)
+    status = np.where(labels == 3, -1, 0)
+    found = segment_by_consensus(points, sets, status=status, motions=2, rng=rng)
+    assert (found.labels[labels == 3] == -1).all()
+    assert [motion.label for motion in found.motions] == [1, 2]
+    assert sorted(mode.motion for mode in found.modes) == [1, 2]
+    densities = [mode.kde for mode in found.modes]
+    assert densities == sorted(densities, reverse=True)
+    for motion in found.motions:
+        manifold = manifolds.from_name(sets[motion.set].manifold)
+        manifold.check_point(motion.parameters)
+        assert motion.rms < 1.0
+        own = found.residuals[motion.label - 1]
+        other = (found.labels > 0) & (found.labels != motion.label)
+        assert np.median(own[motion.inliers]) < 0.5 * np.median(own[other])
+    for entry, places in zip(sets, found.assignments, strict=True):
+        assert places.shape == (len(entry.points),)
+
+
+def test_method_auto_goes_by_the_frames_and_the_sets(scene) -> None:
+    assert uses_consensus("auto", "factorization", 20)
+    assert not uses_consensus("auto", "factorization", 5)
+    assert not uses_consensus("auto", "affine", 2)
+    assert uses_consensus("consensus", "affine", 2)
+    assert not uses_consensus("meanshift", "factorization", 50)
+    points, labels = scene
+    sets = draw_consensus_sets(points, np.random.default_rng(0))
+    found = cluster(points, sets, rng=np.random.default_rng(0))
+    assert misclassification(found.labels, labels) <= 0.02
+
+
+def test_two_frames_are_enough(rng: np.random.Generator) -> None:
+    points, labels = rigid_bodies(rng, sizes=(60, 60), frames=8)
+    found = run(points[:, [0, 7]], motions=2)
+    assert misclassification(found.labels, labels) <= 0.1
+
+
+def test_what_cannot_be_grouped_says_why(scene) -> None:
+    points, _ = scene
+    rng = np.random.default_rng(0)
+    with pytest.raises(DataError, match="2 frames"):
+        draw_consensus_sets(points[:, :1], rng)
+    with pytest.raises(DataError, match="share 10 tracks"):
+        draw_consensus_sets(points[:6], rng)
+    alone = [entry for entry in draw_consensus_sets(points, rng) if len(entry.frames) > 2]
+    with pytest.raises(DataError, match="frame pairs"):
+        cluster_by_consensus(points, alone, rng)
+    other = HypothesisSet(
+        "affine",
+        "affine(2)",
+        (0, 1),
+        Coordinates(np.zeros((2, 2)), 1.0),
+        np.zeros((1, 3), int),
+        np.eye(3)[None],
+    )
+    with pytest.raises(DataError, match="model affine"):
+        cluster_by_consensus(points, [other], rng)
+
+
+@pytest.mark.data
+def test_hopkins155_with_the_count_given_and_unknown(data_folder: Path) -> None:
+    given, unknown, right = [], [], []
+    for path in DATASETS["hopkins155"].files(data_folder / "hopkins155")[::13]:
+        tracks = DATASETS["hopkins155"].read(path).tracks
+        assert tracks.labels is not None
+        true = int(tracks.labels.max())
+        given.append(misclassification(run(tracks.points, motions=true).labels, tracks.labels))
+        found = run(tracks.points).labels
+        unknown.append(misclassification(found, tracks.labels))
+        right.append(found.max() == true)
+    assert np.mean(given) < 0.005
+    assert np.mean(unknown) < 0.04
+    assert np.mean(right) > 0.8
+
+
+@pytest.mark.data
+def test_kt3dmoseg_with_the_count_given(data_folder: Path) -> None:
+    errors = []
+    for path in DATASETS["kt3dmoseg"].files(data_folder / "kt3dmoseg")[1::4]:
+        tracks = DATASETS["kt3dmoseg"].read(path).tracks
+        assert tracks.labels is not None
+        true = int(tracks.labels.max())
+        errors.append(misclassification(run(tracks.points, motions=true).labels, tracks.labels))
+    assert np.median(errors) < 0.03
