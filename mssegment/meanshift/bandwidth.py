@@ -31,17 +31,19 @@ def nearest_neighbour_bandwidth(
         return 1.0
     sample = points if n <= SAMPLE else points[rng.choice(n, SAMPLE, replace=False)]
     neighbour = min(max(1, round(fraction * n)), n - 1)
-    nearest, closest = [], np.inf
-    reach = np.inf
+    everything = manifold.cloud(points)
+    cloud, nearest, closest = everything, [], np.inf
     for start in range(0, len(sample), FIRST):
         rows = sample[start : start + FIRST]
-        z = _squared_distances(manifold, rows, points, reach)
-        if not np.isfinite(np.partition(z, neighbour, axis=1)[:, neighbour]).all():
-            z = _squared_distances(manifold, rows, points, np.inf)
-        nearest.append(np.partition(z, neighbour, axis=1)[:, neighbour])
+        z = np.maximum(cloud.seen_from(rows).z, 0.0)
+        found = np.partition(z, neighbour, axis=1)[:, neighbour]
+        if not np.isfinite(found).all():
+            z = np.maximum(everything.seen_from(rows).z, 0.0)
+            found = np.partition(z, neighbour, axis=1)[:, neighbour]
+        nearest.append(found)
         closest = min(closest, np.min(z, initial=np.inf, where=z > _ROUNDING))
-        found = nearest[0][np.isfinite(nearest[0])]
-        reach = 1.5 * float(np.sqrt(np.max(found, initial=0.0))) or np.inf
+        if start == 0 and np.isfinite(found).all() and found.max() > 0:
+            cloud = manifold.cloud(points, reach=1.5 * float(np.sqrt(found.max())))
     distances = np.sqrt(np.concatenate(nearest))
     finite = distances[np.isfinite(distances)]
     median = float(np.median(finite)) if finite.size else 0.0
@@ -52,8 +54,3 @@ def nearest_neighbour_bandwidth(
 
 _ROUNDING = 1e-13
 """Squared distances below this are rounding errors of equal points."""
-
-
-def _squared_distances(manifold: Manifold, x: Floats, points: Floats, reach: float) -> Floats:
-    z = manifold.cloud(points, reach=reach).seen_from(x).z
-    return np.asarray(np.maximum(z, 0.0), dtype=np.float64)

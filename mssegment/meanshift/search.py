@@ -17,7 +17,7 @@ FOLLOW_WITHIN = 0.1
 """A trajectory this near (in bandwidths) to a denser one follows it."""
 STRAGGLERS = 50
 """When only one in so many still moves, the modes found so far join them on the last climb."""
-WAY_TOLERANCE, MODE_TOLERANCE = 1e-2, 1e-4
+WAY_TOLERANCE, MODE_TOLERANCE = 1e-2, 3e-4
 """The distance (in bandwidths) from its mode at which a trajectory, or a mode, stands still."""
 PERTURBATION = 0.1
 """A mode is moved by this many bandwidths; a saddle point does not come back."""
