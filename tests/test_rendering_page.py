@@ -132,6 +132,12 @@ def test_photographs_stay_within_their_share(rng):
     assert sum(map(len, addresses)) <= payload.PHOTOGRAPH_BYTES * 4 / 3 + 12 * 64
 
 
+def test_missing_pictures_are_said():
+    text = render_page(affine_report(pictures=lambda index: None))
+    assert "2 of 2 pictures are not at hand" in text
+    assert "not at hand" not in render_page(affine_report())
+
+
 def test_an_empty_report_has_a_page():
     empty = Segmentation(np.zeros(0, np.int64), (), (), (), np.zeros((0, 0)))
     report = build_report(

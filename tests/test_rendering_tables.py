@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -58,7 +59,7 @@ def test_modes_table_is_the_papers():
 def test_confusion_table_has_out_row_and_column_and_both_errors():
     table = confusion_table(affine_report())
     assert table is not None
-    assert table.header == ("true \\ found", "M1", "M2", "Out", "res", "res^")
+    assert table.header == ("", "found 1", "found 2", "Out", "res", "res^")
     assert [row[:4] for row in table.rows] == [
         ("true 1", "30", "0", "0"),
         ("true 2", "0", "20", "0"),
@@ -211,3 +212,14 @@ def test_residual_errors_look_at_the_straightened_points():
         straight=report.tracks.points,
     )
     assert again.res == report.res
+
+
+def test_a_weak_mode_that_became_a_motion_is_in_the_table_but_not_all_before_it():
+    report = affine_report()
+    first, second, third = report.segmentation.modes
+    weak = [replace(third, kde=0.003 / k) for k in range(1, 30)]
+    modes = (first, *weak, replace(second, kde=1e-5))
+    changed = replace(report.segmentation, modes=modes)
+    rows = modes_table(replace(report, segmentation=changed)).rows
+    assert [row[0] for row in rows] == ["M1", "M2", "M3", "M4", "M31"]
+    assert rows[-1][2:] == ("1.0e-05", "2")

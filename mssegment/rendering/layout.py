@@ -83,6 +83,9 @@ def view_of(report: Report, index: int) -> View:
     picture = report.pictures(index)
     if picture is None:
         blank = np.full((size[1], size[0], 3), 236, dtype=np.uint8)
+        words = f"frame {index + 1} is not at hand"
+        where, font = (size[0] // 40, size[1] // 20), cv2.FONT_HERSHEY_SIMPLEX
+        cv2.putText(blank, words, where, font, size[0] / 1600, style.MUTED, 1, cv2.LINE_AA)
         return View(index, blank, scale, typical_spacing(report))
     picture = np.ascontiguousarray(picture)  # the frame may be a view with its colours swapped
     if picture.shape[1::-1] != size:

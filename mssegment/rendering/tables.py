@@ -60,17 +60,17 @@ def result_table(report: Report) -> Table:
 def modes_table(report: Report, limit: int | None = None) -> Table:
     """The paper's left table: hypotheses and kernel density of each mode, strongest first.
 
-    One mode beyond the motions is what the paper shows; ``limit`` says how many, None means the
-    modes up to the last that became a motion and one more, at least four.
+    ``limit`` modes and every one that became a motion; None means one more than there are motions,
+    which is what the paper shows, and at least four.
     """
     modes = report.segmentation.modes
-    if limit is None:
-        used = [i for i, mode in enumerate(modes) if mode.motion > 0]
-        limit = max(4, (used[-1] if used else -1) + 2)
+    limit = max(4, len(report.motions) + 1) if limit is None else limit
     several = len(report.sets) > 1
     header = ["", "mot. hyp.", "kde", "motion"] + (["set"] if several else [])
     rows = []
-    for i, mode in enumerate(modes[:limit]):
+    for i, mode in enumerate(modes):
+        if i >= limit and mode.motion <= 0:
+            continue
         row = [f"M{i + 1}", str(mode.hypotheses), density(mode.kde)]
         row.append(str(mode.motion) if mode.motion else "-")
         rows.append(tuple(row + ([str(mode.set + 1)] if several else [])))
@@ -84,7 +84,7 @@ def confusion_table(report: Report) -> Table | None:
         return None
     order = {motion.label: i for i, motion in enumerate(report.motions)}
     back = {true: found for found, true in evaluation.matching.items()}
-    header = ["true \\ found", *(f"M{f}" for f in evaluation.found_motions), "Out", "res", "res^"]
+    header = ["", *(f"found {f}" for f in evaluation.found_motions), "Out", "res", "res^"]
     rows = []
     for i, true in enumerate(evaluation.true_motions):
         cells = [str(count) for count in evaluation.confusion[i]]
@@ -209,8 +209,6 @@ _LATEX = {
 def _latex_escape(cell: str) -> str:
     if cell == "res^":
         return r"$\widehat{\mathrm{res}}$"
-    if cell == "true \\ found":
-        return r"true $\backslash$ found"
     head, _, shape = cell.rpartition(" ")
     if shape in GLYPHS.values():  # shapes need packages that a paper may not load
         cell = head

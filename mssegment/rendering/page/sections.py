@@ -192,7 +192,7 @@ def confusion_html(report: Report) -> str:
         cells += [f"<td>{e if isinstance(e, str) else number(e, 4)}</td>" for e in errors]
         name = "outlier" if true is None else f"true {true}"
         rows.append(f'<tr><th scope="row">{name}</th>{"".join(cells)}</tr>')
-    header = ["true \\ found", *(f"motion {f}" for f in evaluation.found_motions)]
+    header = ["", *(f"found {f}" for f in evaluation.found_motions)]
     header += ["outlier", "res (23)", "res-hat (24)"]
     share = 100 * evaluation.misclassification
     text = f"{share:.2f} % of the {evaluation.counted} tracks that count are misclassified."

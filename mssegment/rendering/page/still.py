@@ -37,6 +37,9 @@ def frames_html(report: Report, addresses: list[str]) -> str:
             )
     if report.frames:
         parts.append(marks_svg(report, 0))
+    if not all(addresses):
+        count = sum(not address for address in addresses)
+        parts.append(f'<p class="absent">{count} of {len(addresses)} pictures are not at hand</p>')
     return "\n".join(parts)
 
 
