@@ -235,6 +235,14 @@ def reopen_frames(frames: Sequence[Frame], folder: str | None = None) -> FrameSo
     return FrameSource(found)
 
 
+def frames_in_memory(frames: Sequence[Frame], pixels: Sequence[Pixels]) -> FrameSource:
+    """Pictures that are decoded already (blue first, as OpenCV has them) under their ``frames``."""
+    decoded = _Decoded()
+    for frame, picture in zip(frames, pixels, strict=True):
+        decoded.keep(frame, picture)
+    return FrameSource(frames, decoded)
+
+
 def _expand(given: str) -> list[str]:
     """The files that one argument stands for."""
     if os.path.isdir(given):

@@ -38,7 +38,6 @@ GROWTH_ROUNDS = 3
 GROWTH_NEIGHBOURS = 3
 GROWTH_RADIUS = 40.0
 GROWTH_DRIFT = 5.0
-GROWTH_CORRELATION = 0.9
 PROMISING = 0.4
 """Correlation that a predicted place must have before registration to be worth it."""
 
@@ -97,7 +96,7 @@ def match(
     found = _seeds(first, second, ratio, correlation)
     found = _confirmed(found)
     for number in range(1, rounds + 1):
-        found = _confirmed(found.and_(_grow(first, second, found, number)))
+        found = _confirmed(found.and_(_grow(first, second, found, number, correlation)))
         if not (found.born == number).any():
             break
     found = found[np.argsort(-found.correlation, kind="stable")]
@@ -162,7 +161,7 @@ def _confirmed(found: _Matches) -> _Matches:
     return found
 
 
-def _grow(first: View, second: View, found: _Matches, number: int) -> _Matches:
+def _grow(first: View, second: View, found: _Matches, number: int, correlation: float) -> _Matches:
     """Matches for corners that have none yet, at the places that their neighbours predict.
 
     Round ``number`` asks only neighbours that the round before has found: the others have spoken.
@@ -193,7 +192,7 @@ def _grow(first: View, second: View, found: _Matches, number: int) -> _Matches:
     best = best[likely[best] > PROMISING]
     windows, corner = windows[best], corner[best]
     refined = register(first.pyramid, second.pyramid, windows)
-    good = _credible(windows, refined, second, GROWTH_DRIFT, GROWTH_CORRELATION)
+    good = _credible(windows, refined, second, GROWTH_DRIFT, correlation)
     return _as_matches(windows, refined, corner, number)[good]
 
 
