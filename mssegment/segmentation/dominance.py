@@ -22,6 +22,9 @@ SAME = 2.0
 """Two motions are the same where the inliers of one have residuals from the other that are less
 than so many times as large."""
 
+MIXTURE = 3.0
+"""A motion with residuals so many times the noise was fitted to two bodies at once."""
+
 
 @dataclass(frozen=True)
 class _Candidate:
@@ -96,8 +99,11 @@ def _distinct(view: View, candidates: list[_Candidate], wanted: int | None) -> l
     """Candidates that stand for motions of their own, at most ``wanted``."""
     least = view.model.subset_size + SPARE
     kept: list[_Candidate] = []
+    noise = _noise(candidates) if candidates else 0.0
     for candidate in candidates:
-        if any(_is_same(candidate.fitted, other.fitted) for other in kept):
+        if _median(candidate.fitted) > MIXTURE * noise:
+            continue
+        if any(_is_same(candidate.fitted, other.fitted, noise) for other in kept):
             continue
         kept.append(candidate)
         points, inliers, residuals = compete(view, np.stack([c.fitted.point for c in kept]))
@@ -111,12 +117,27 @@ def _distinct(view: View, candidates: list[_Candidate], wanted: int | None) -> l
     return kept
 
 
-def _is_same(a: Fitted, b: Fitted) -> bool:
-    """Whether either motion explains the other's inliers almost as well as their own does."""
+def _is_same(a: Fitted, b: Fitted, noise: float) -> bool:
+    """Whether either motion explains the other's inliers almost as well as their own does.
+
+    A motion cannot be better than the ``noise``: it fits a handful of tracks by chance.
+    """
     return any(
-        np.median(other.residuals[one.inliers]) <= SAME * np.median(one.residuals[one.inliers])
+        np.median(other.residuals[one.inliers]) <= SAME * max(_median(one), noise)
         for one, other in ((a, b), (b, a))
     )
+
+
+def _median(fitted: Fitted) -> float:
+    return float(np.median(fitted.residuals[fitted.inliers]))
+
+
+def _noise(candidates: list[_Candidate]) -> float:
+    """The residual (pixels) that tracks have from their motion: the median over the modes' mass."""
+    medians = np.array([_median(c.fitted) for c in candidates])
+    order = np.argsort(medians)
+    mass = np.cumsum(np.array([c.mass for c in candidates])[order])
+    return float(medians[order][np.searchsorted(mass, mass[-1] / 2)])
 
 
 def _scale(view: View, residuals: Floats) -> float:
