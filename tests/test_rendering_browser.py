@@ -130,6 +130,16 @@ def test_switches_hide_and_show_a_motion(pair):
     pair.clean()
 
 
+def test_all_and_none_switch_everything(open_page):
+    opened = open_page(many_tracks(tracks=200, frames=2))
+    assert opened.ink(1) > 100
+    opened.page.click("#show-none")
+    assert opened.ink(1) == opened.ink(2) == 0
+    opened.page.click("#show-all")
+    assert opened.ink(1) > 100
+    opened.clean()
+
+
 def test_slider_buttons_and_flick_change_the_frame(open_page):
     opened = open_page(affine_report(frames=4))
     page = opened.page

@@ -1,6 +1,7 @@
 // The picture: one canvas per label over the photograph, the frames, and the switches.
 // one canvas per label: a switch hides or shows it, nothing is drawn again
 const layers = [...data.looks].reverse().map((look) => ({ look, ...makeCanvas() }));
+const numbers = makeCanvas();
 const rings = makeCanvas();
 const choice = makeCanvas();
 rings.canvas.hidden = true;
@@ -20,7 +21,7 @@ function fit() {
   unit = Math.min(2, window.devicePixelRatio || 1);
   const width = Math.max(1, Math.round(box.width * unit));
   const height = Math.max(1, Math.round((box.width * unit * size.height) / size.width));
-  for (const { canvas } of [...layers, rings, choice]) {
+  for (const { canvas } of [...layers, numbers, rings, choice]) {
     if (canvas.width !== width || canvas.height !== height) {
       canvas.width = width;
       canvas.height = height;
@@ -110,7 +111,16 @@ function drawLayer({ look, canvas, context }) {
   }
   context.fillStyle = look.colour;
   context.fill();
-  if (look.label > 0) drawNumber(context, look, list);
+}
+
+// the numbers lie over all markers, in a layer of their own
+function drawNumbers() {
+  const { canvas, context } = numbers;
+  context.clearRect(0, 0, canvas.width, canvas.height);
+  if (!$("show-points").checked) return;
+  for (const { look, canvas: layer } of layers) {
+    if (look.label > 0 && !layer.hidden) drawNumber(context, look, members.get(look.label));
+  }
 }
 
 // the number of a motion on its object: at the inlier nearest to the median of all
@@ -126,6 +136,7 @@ function drawNumber(context, look, list) {
   const radius = 11 * unit;
   context.beginPath();
   context.arc(x * scale, y * scale, radius, 0, 2 * Math.PI);
+  context.fillStyle = look.colour;
   context.fill();
   context.lineWidth = 2 * unit;
   context.strokeStyle = "#fff";
@@ -183,6 +194,7 @@ function drawChoice() {
 
 function draw() {
   layers.forEach(drawLayer);
+  drawNumbers();
   drawRings();
   drawChoice();
 }
@@ -207,11 +219,19 @@ function toggle(label, on) {
   const layer = layers.find((one) => one.look.label === label);
   layer.canvas.hidden = !on;
   if (on) drawLayer(layer);
+  drawNumbers();
   document.body.classList.toggle(`hide-${layer.look.class}`, !on);
 }
 $("labels").addEventListener("change", (event) => {
   toggle(Number(event.target.dataset.label), event.target.checked);
 });
+for (const [button, on] of [["show-all", true], ["show-none", false]]) {
+  $(button).addEventListener("click", () => {
+    for (const box of document.querySelectorAll("#labels input")) {
+      if (box.checked !== on) box.click();
+    }
+  });
+}
 $("show-points").addEventListener("change", draw);
 $("show-ways").addEventListener("change", draw);
 $("show-photo").addEventListener("change", (event) => {

@@ -95,7 +95,7 @@ def modes_html(report: Report) -> str:
     header = ["mode", "hypotheses", "kernel density", "", "became"]
     header += ["set"] if len(report.sets) > 1 else []
     more = len(modes) - len(shown)
-    note = f"<p class='hint'>{more} weaker modes are left out.</p>" if more > 0 else ""
+    note = f"<p class='hint'>Not shown: {more} weaker.</p>" if more > 0 else ""
     return f"<p>{escape(_decision(report))}</p>" + _table("Modes", header, rows) + note
 
 
@@ -135,7 +135,7 @@ def manifolds_html(report: Report) -> str:
         if view is not None
     ]
     more = len(order) - MOST_SETS
-    note = f"<p class='hint'>{more} more sets of hypotheses are not drawn.</p>" if more > 0 else ""
+    note = f"<p class='hint'>Not drawn: {more} more sets of hypotheses.</p>" if more > 0 else ""
     return "".join(figures) + note if figures else "<p>There are no hypotheses to draw.</p>"
 
 

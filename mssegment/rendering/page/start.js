@@ -5,6 +5,7 @@ stage.setAttribute("role", "application");
 stage.setAttribute("aria-label", "Picture with tracks; the arrow keys go from track to track");
 stage.setAttribute("aria-describedby", "keys");
 $("keys").hidden = false;
+$("all").hidden = data.looks.length < 4;
 $("player").hidden = frames < 2;
 $("slider").max = String(frames);
 $("slider").addEventListener("input", (event) => { flick(false); showFrame(Number(event.target.value) - 1); });
