@@ -130,13 +130,20 @@ def test_agrees_with_the_plain_algorithm(name, rng):
     assert np.median(away) < 0.01
 
 
+def assert_same_bytes(a, b):
+    for attribute in ("modes_", "labels_", "densities_", "counts_"):
+        assert getattr(a, attribute).tobytes() == getattr(b, attribute).tobytes()
+
+
 @pytest.mark.parametrize("name", NAMES)
 def test_same_seed_same_bytes(name):
     manifold = from_name(name)
     points, _, _ = clusters(manifold, np.random.default_rng(3), n=300)
-    a, b = (MeanShift(manifold).fit(points, np.random.default_rng(5)) for _ in range(2))
-    for attribute in ("modes_", "labels_", "densities_", "counts_"):
-        assert getattr(a, attribute).tobytes() == getattr(b, attribute).tobytes()
+    a, b = (
+        MeanShift(manifold, threads=threads).fit(points, np.random.default_rng(5))
+        for threads in (1, 2)
+    )
+    assert_same_bytes(a, b)
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -223,3 +230,38 @@ def test_wrong_input_is_refused():
         MeanShift("euclidean(2)").fit(np.full((4, 2), np.nan))
     with pytest.raises(ConfigurationError, match="kernel"):
         MeanShift("euclidean(2)", kernel="sharp").fit(np.zeros((3, 2)))
+
+
+@pytest.fixture(scope="module")
+def many():
+    manifold = from_name("grassmann(6,2)")
+    points, inside, _ = clusters(manifold, np.random.default_rng(8), n=9000)
+    return manifold, points, inside
+
+
+def test_a_sample_gives_the_modes_and_members_of_the_whole(many):
+    manifold, points, inside = many
+    fast = MeanShift(manifold).fit(points)
+    exact = MeanShift(manifold, bandwidth=fast.bandwidth_, sample_above=len(points)).fit(points)
+    assert (manifold.dist(fast.modes_[:3], exact.modes_[:3]) < 0.01 * fast.bandwidth_).all()
+    np.testing.assert_allclose(fast.densities_[:3], exact.densities_[:3], rtol=1e-3)
+    members = slice(0, len(inside))
+    assert np.mean(fast.labels_[members] == exact.labels_[members]) > 0.995
+
+
+def test_a_sample_gives_the_same_bytes_in_any_number_of_threads_and_chunks(many):
+    manifold, points, _ = many
+    a, b = (MeanShift(manifold, threads=threads).fit(points) for threads in (1, 2))
+    assert_same_bytes(a, b)
+    small = MeanShift(manifold, memory_mb=2.0).fit(points)
+    away = np.sqrt(manifold.pairwise_dist2(small.modes_[:3], a.modes_[:3])).min(axis=1)
+    assert (away < 0.2 * a.bandwidth_).all()
+
+
+def test_a_sample_of_one_cluster_without_company():
+    """Far from everything else, nothing gathers weight: such points belong nowhere."""
+    rng = np.random.default_rng(1)
+    near, far = 0.1 * rng.standard_normal((9000, 2)), 1e3 * rng.standard_normal((20, 2))
+    found = MeanShift("euclidean(2)", bandwidth=0.2).fit(np.concatenate([near, far]))
+    assert found.counts_[0] > 8990
+    assert np.sum(found.labels_[9000:] == -1) >= 15

@@ -9,6 +9,7 @@ from mssegment.manifolds.affine_group import AffineGroup
 from mssegment.manifolds.base import Array, Cloud, Manifold, View
 from mssegment.manifolds.euclidean import Euclidean
 from mssegment.manifolds.grassmann import Grassmann
+from mssegment.manifolds.matrix_group import MatrixGroup
 from mssegment.manifolds.special_linear import SpecialLinear
 
 REGISTRY: dict[str, type[Manifold]] = {
@@ -41,6 +42,7 @@ __all__ = [
     "Euclidean",
     "Grassmann",
     "Manifold",
+    "MatrixGroup",
     "SpecialLinear",
     "View",
     "from_name",

@@ -99,7 +99,7 @@ def _phi(s: Array, c: Array) -> tuple[Array, Array]:
     follows from the logarithm, or, where one eigenvalue is near 1, from the two eigenvalues.
     """
     root = np.sqrt(np.abs(c))
-    near = (np.abs(s) + root < (0.5 if s.dtype == np.float64 else 0.9)) | (root == 0)
+    near = np.abs(s) + root < (0.5 if s.dtype == np.float64 else 0.9)
     with np.errstate(all="ignore"):
         if 2 * np.count_nonzero(near) > near.size:
             p, q = _phi_near(s, c)
@@ -129,10 +129,20 @@ def _phi_far(s: Array, c: Array) -> tuple[Array, Array]:
     ell = 0.5 * np.log(middle * middle - c)
     real = 0.5 * np.log((middle + root) / (middle - root))
     g = np.where(c > 0, real, np.arctan2(root, middle)) / root
+    close = (np.abs(c) < 0.04 * middle * middle) & (middle > 0)
+    g[close] = _atanh_ratio(c[close] / middle[close] ** 2) / middle[close]
     p, q = (ell * s - g * c) / away, (g * s - ell) / away
     single = (c > 0) & (middle > root) & (np.abs(away) < 1e-2 * (1 + s * s))
     _fill(single, _phi_by_eigenvalue, s, c, p, q)
     return p, q
+
+
+def _atanh_ratio(x: Array) -> Array:
+    """atanh(sqrt x) / sqrt x for |x| < 0.04, where the eigenvalues are too close to tell apart."""
+    total = np.zeros_like(x)
+    for i in range(11, -1, -1):
+        total = total * x + 1.0 / (2 * i + 1)
+    return total
 
 
 def _phi_by_eigenvalue(s: Array, c: Array) -> tuple[Array, Array]:
@@ -146,13 +156,13 @@ def _psi(s: Array, c: Array) -> tuple[Array, Array]:
     with np.errstate(all="ignore"):
         scale = np.exp(s)
         even = scale * np.where(c > 0, np.cosh(root), np.cos(root)) - 1.0
-        odd = scale * np.where(c > 0, np.sinh(root), np.sin(root)) / root
+        odd = scale * np.where(c > 0, _ratio(np.sinh, root), np.sinc(root / np.pi))
         determinant = s * s - c
         p, q = (even * s - odd * c) / determinant, (odd * s - even) / determinant
-    near = (np.abs(s) + root < 1.0) | (root == 0)
-    single = ~near & (c > 0)
-    _fill(near, _psi_near, s, c, p, q)
-    _fill(single, _psi_by_eigenvalue, s, c, p, q)
+        near = np.abs(s) + root < 1.0
+        single = ~near & (c > 0) & (np.abs(determinant) < 1e-2 * (1 + s * s))
+        _fill(near, _psi_near, s, c, p, q)
+        _fill(single, _psi_by_eigenvalue, s, c, p, q)
     return p, q
 
 

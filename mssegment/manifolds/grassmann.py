@@ -27,8 +27,6 @@ from mssegment.manifolds.base import (
 from mssegment.records import Floats
 
 EMBED_ROWS = 4096
-ROUNDING = 1e-17
-"""Terms of the cosine and sine series below this are left out."""
 
 
 class Grassmann(Manifold):
@@ -95,8 +93,8 @@ class Grassmann(Manifold):
 
         Accurate for small angles too, which the arc cosine alone is not.
         """
-        q, cosines, _ = np.linalg.svd(_t(y) @ x)
-        sines = np.linalg.norm(_off(x, y) @ q, axis=-2)
+        cosines = np.linalg.svd(_t(y) @ x, compute_uv=False)
+        sines = np.linalg.svd(_off(x, y), compute_uv=False)[..., ::-1]
         return np.asarray(np.arctan2(sines, cosines))
 
     def inner(self, x: Floats, u: Floats, v: Floats) -> Floats:
@@ -147,10 +145,11 @@ class Grassmann(Manifold):
 
 
 class _ProjectorCloud(Cloud):
-    """Every point as the upper triangle of yy', with sqrt 2 off the diagonal, and a 1.
+    """Every point as the upper triangle of yy', and a 1.
 
-    Then tr(x'yy'x) is a dot product: all z of a block are one matrix product (the k of (12) and
-    the bandwidth are folded into it), and the sums of (14) are a second one.
+    Then tr(x'yy'x) is a dot product, off the diagonal counted twice: all z of a block are one
+    matrix product (the k of (12) and the bandwidth are folded into it), and the sums of (14) are
+    a second one.
     """
 
     def __init__(self, manifold: Grassmann, y: Floats, bandwidth: float, dtype: Precision) -> None:
@@ -160,27 +159,27 @@ class _ProjectorCloud(Cloud):
         self.n = n = manifold.n
         above = np.triu_indices(n)
         self.upper = above[0] * n + above[1]
-        self.factor = np.where(above[0] == above[1], 1.0, np.sqrt(2.0))
         self.place = np.empty((n, n), dtype=np.intp)
         self.place[above] = self.place[above[::-1]] = np.arange(len(self.upper))
         self.projectors = self.embed(y)
-        folded = np.append(np.full(len(self.upper), -1.0), float(manifold.k)) / bandwidth**2
+        twice_off = np.where(above[0] == above[1], -1.0, -2.0)
+        folded = np.append(twice_off, float(manifold.k)) / bandwidth**2
         self.columns = np.ascontiguousarray((self.projectors * folded.astype(dtype)).T)
 
     def embed(self, x: Floats) -> Array:
         """The upper triangle of xx' and a 1, [m, N (N + 1) / 2 + 1]."""
-        out = np.ones((len(x), len(self.upper) + 1), dtype=self.dtype)
+        out = np.empty((len(x), len(self.upper) + 1), dtype=self.dtype)
+        out[:, -1] = 1.0
         for start in range(0, len(x), EMBED_ROWS):
             block = x[start : start + EMBED_ROWS]
             square = (block @ _t(block)).reshape(len(block), self.n**2)
-            upper = square.take(self.upper, axis=1)
-            out[start : start + EMBED_ROWS, :-1] = upper * self.factor
+            out[start : start + EMBED_ROWS, :-1] = square.take(self.upper, axis=1)
         return out
 
     def unfold(self, flat: Array) -> Floats:
         """The symmetric matrices [m, N, N] whose embedding ``flat`` is."""
-        scaled = flat[:, :-1] / self.factor
-        return scaled.take(self.place.ravel(), axis=1).reshape(len(flat), self.n, self.n)
+        square = flat.astype(np.float64).take(self.place.ravel(), axis=1)
+        return square.reshape(len(flat), self.n, self.n)
 
     def seen_from(self, x: Floats) -> View:
         return _ProjectorView(self, x)
@@ -206,17 +205,31 @@ def _off(x: Floats, v: Floats) -> Floats:
 
 
 def _cos_sinc(gram: Floats) -> tuple[Floats, Floats]:
-    """cos(sqrt G) and sinc(sqrt G) of symmetric k x k matrices: Horner's rule, then doubling."""
+    """cos(sqrt G) and sinc(sqrt G) of symmetric k x k matrices, |G| halved until it is below 1.
+
+    Both series are cut into a low half and G^4 times a high half, which share the powers of G.
+    """
     largest = float(np.max(np.trace(gram, axis1=-2, axis2=-1), initial=0.0))
     halvings = max(0, int(np.ceil(0.5 * np.log2(largest)))) if largest > 1.0 else 0
-    small, bound = gram / 4.0**halvings, largest / 4.0**halvings
-    terms = next(i for i in range(1, 12) if bound**i / factorial(2 * i) < ROUNDING)
-    eye = np.eye(gram.shape[-1])
-    cosine = sinc = eye
-    for i in range(terms, 0, -1):
-        cosine = eye - small @ cosine / ((2 * i - 1) * (2 * i))
-        sinc = eye - small @ sinc / ((2 * i) * (2 * i + 1))
+    small = gram / 4.0**halvings
+    square = small @ small
+    eye = np.broadcast_to(np.eye(gram.shape[-1]), gram.shape)
+    powers = np.stack([eye, small, square, square @ small, square @ square])
+    halves = np.tensordot(_SERIES, powers, axes=1)
+    cosine, sinc = halves[:, 0] + powers[4] @ halves[:, 1]
     for _ in range(halvings):
         sinc = sinc @ cosine
         cosine = 2.0 * cosine @ cosine - eye
-    return np.broadcast_to(cosine, gram.shape), np.broadcast_to(sinc, gram.shape)
+    return cosine, sinc
+
+
+def _series() -> Floats:
+    """Coefficients [cos or sinc, low or high half, power]; the terms left out are below 1e-16."""
+    table = np.zeros((2, 2, 5))
+    for i in range(9):
+        half, power = (0, i) if i < 4 else (1, i - 4)
+        table[:, half, power] = (-1) ** i / factorial(2 * i), (-1) ** i / factorial(2 * i + 1)
+    return table
+
+
+_SERIES = _series()

@@ -167,7 +167,7 @@ class _GroupCloud(Cloud):
         self.manifold, self.group, self.bandwidth = group, group, bandwidth
         self.size = len(y)
         self.rows = max(1, CACHE_NUMBERS // max(1, 8 * self.size))
-        magnitude = float(np.max(np.abs(y), initial=1.0) * np.max(np.abs(_inverse(y)), initial=1.0))
+        magnitude = float(np.max(np.abs(y), initial=1.0)) ** 2
         self.dtype = precision(precise, magnitude * bandwidth, bandwidth) or np.dtype(np.float64)
         columns = np.moveaxis(y, 0, 2).reshape(group.size, group.size * len(y))
         self.columns = np.ascontiguousarray(columns, dtype=self.dtype)

@@ -11,6 +11,7 @@ would fall.
 from __future__ import annotations
 
 from collections.abc import Callable
+from concurrent.futures import Executor
 from dataclasses import dataclass
 
 import numpy as np
@@ -25,6 +26,8 @@ EVERY = 8
 NEAR = 0.3
 """Shifts shorter than this many bandwidths are stretched."""
 MOST_STRETCH = 100.0
+FEWEST_BLOCKS = 4
+"""Fewer blocks than this are not worth handing to other threads."""
 FALL = 1e-5
 """The relative loss of density at which a stretched step is taken back (rounding is less)."""
 
@@ -34,31 +37,50 @@ Thin = Callable[["Ascent", Integers], Integers]
 
 
 def shift(
-    cloud: Cloud, kernel: Kernel, x: Floats, own: Floats | None = None
+    cloud: Cloud,
+    kernel: Kernel,
+    x: Floats,
+    own: Floats | None = None,
+    pool: Executor | None = None,
 ) -> tuple[Floats, Floats]:
     """The mean shift vectors (9) and the densities (7) at ``x`` [m, ...].
 
     Works through ``x`` in blocks that fit the cache. The density is that of (7) without the
     constant c_{k,h}: the mean of k(d^2 / h^2) over the points. With ``own`` [m, ...], each place
-    has one more point of its own in the sums (not in their number).
+    has one more point of its own in the sums (not in their number). A ``pool`` of threads shares
+    the blocks, which do not depend on it: the same bytes come out with any number of threads.
     """
     step = np.empty(x.shape)
     density = np.empty(len(x))
-    for start in range(0, len(x), cloud.rows):
-        block = slice(start, start + cloud.rows)
-        view = cloud.seen_from(x[block])
-        weights, profile_sums = kernel.weigh(view.z)
-        summed, total = view.weighted_sum(weights)
-        profile = total if profile_sums is None else profile_sums
-        if own is not None:
-            z = (cloud.manifold.dist(x[block], own[block]) / cloud.bandwidth)[:, None] ** 2
-            profile = profile + kernel.profile(z)[:, 0]
-            weight = kernel.weigh(z)[0][:, 0].astype(np.float64)
-            summed = summed + _scaled(weight, cloud.manifold.attraction(x[block], own[block]))
-            total = total + weight
-        density[block] = profile / cloud.size
-        step[block] = _scaled(1.0 / np.where(total > 0, total, 1.0), summed)
+
+    def fill(block: slice) -> None:
+        mine = None if own is None else own[block]
+        step[block], density[block] = _shift_block(cloud, kernel, x[block], mine)
+
+    blocks = [slice(start, start + cloud.rows) for start in range(0, len(x), cloud.rows)]
+    if pool is None or len(blocks) < FEWEST_BLOCKS:
+        for block in blocks:
+            fill(block)
+    else:
+        list(pool.map(fill, blocks))
     return step, density
+
+
+def _shift_block(
+    cloud: Cloud, kernel: Kernel, x: Floats, own: Floats | None
+) -> tuple[Floats, Floats]:
+    """``shift`` for places that fit the cache."""
+    view = cloud.seen_from(x)
+    weights, profile_sums = kernel.weigh(view.z)
+    summed, total = view.weighted_sum(weights)
+    profile = total if profile_sums is None else profile_sums
+    if own is not None:
+        z = (cloud.manifold.dist(x, own) / cloud.bandwidth)[:, None] ** 2
+        profile = profile + kernel.profile(z)[:, 0]
+        weight = kernel.weigh(z)[0][:, 0].astype(np.float64)
+        summed = summed + _scaled(weight, cloud.manifold.attraction(x, own))
+        total = total + weight
+    return _scaled(1.0 / np.where(total > 0, total, 1.0), summed), profile / cloud.size
 
 
 @dataclass
@@ -112,6 +134,7 @@ def ascend(
     until: int = 0,
     record: bool = False,
     own: bool = False,
+    pool: Executor | None = None,
 ) -> Ascent:
     """Move ``starts`` [n, ...] by (10) until the mode is within ``tolerance`` bandwidths.
 
@@ -123,7 +146,7 @@ def ascend(
     while moving.size > until and ascent.iterations < max_iterations:
         ascent.iterations += 1
         mine = starts[moving] if own else None
-        step, density = shift(cloud, kernel, ascent.x[moving], mine)
+        step, density = shift(cloud, kernel, ascent.x[moving], mine, pool)
         length = manifold.norm(ascent.x[moving], step) / cloud.bandwidth
         back = _go(manifold, ascent, moving, step, density, length < NEAR)
         arrived = ascent.stretch[moving] * length <= tolerance

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from concurrent.futures import Executor
 from dataclasses import dataclass
 from functools import partial
 
@@ -47,6 +48,7 @@ class Search:
     merge_within: float
     max_iterations: int
     record: bool = False
+    pool: Executor | None = None
 
     def climb(
         self,
@@ -70,6 +72,7 @@ class Search:
             until=len(starts) // STRAGGLERS if thin else 0,
             record=self.record and thin is not None,
             own=own,
+            pool=self.pool,
         )
 
     def merge(self, x: Floats, density: Floats, within: float) -> tuple[Floats, Floats, Integers]:

@@ -1,0 +1,151 @@
+"""A(2) and SL(3): closed forms against scipy, and every case where a formula could break."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import scipy.linalg
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from mssegment.manifolds import AffineGroup, MatrixGroup, SpecialLinear
+
+IDENTITY = np.eye(3)
+
+
+def affine(a, b=(0.3, -0.7)):
+    """[A b; 0 1]."""
+    m = np.eye(3)
+    m[:2, :2], m[:2, 2] = a, b
+    return m
+
+
+def rotation(angle):
+    return np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+
+
+TINY = (0.0, 1e-14, 1e-10, 1e-8, 1e-5, 1e-3)
+WITH_LOGARITHM = [
+    *(affine(np.eye(2) + e * np.array([[1.0, 2.0], [-3.0, 0.5]])) for e in TINY),
+    *(affine([[1.0, shear], [0.0, 1.0]]) for shear in (1e-9, 0.1, 3.0, 100.0)),
+    *(affine(np.diag([1.0, d])) for d in (2.0, 0.5, 10.0, 1e-3, 1.0 + 1e-7)),
+    *(affine(np.diag([1.0 + e, 2.0])) for e in TINY),
+    *(affine(np.diag([1.0 - e, 0.2])) for e in TINY),
+    *(affine([[2.0, 1.0], [0.0, 2.0 + e]]) for e in TINY),
+    *(affine([[0.3, 5.0], [-e, 0.3]]) for e in TINY),
+    *(affine(rotation(t)) for t in (1e-9, 1e-3, 0.5, np.pi / 2, 2.0, 3.1, -3.1)),
+    *(affine(2.5 * rotation(t)) for t in (0.2, 3.0)),
+    affine(np.diag([3.0, 3.0])),
+    affine(np.diag([1e3, 1e-3])),
+]
+WITHOUT_LOGARITHM = [
+    affine(np.diag([-1.0, 2.0])),
+    affine(np.diag([-1.0, -2.0])),
+    affine(np.diag([0.0, 1.0])),
+    affine(np.zeros((2, 2))),
+    affine([[0.0, 1.0], [1.0, 0.0]]),
+]
+
+
+@pytest.mark.parametrize("m", WITH_LOGARITHM)
+def test_affine_logarithm_is_scipys(m):
+    """(17): also where A - I is singular because one eigenvalue is 1."""
+    found = AffineGroup().log(IDENTITY, m)
+    np.testing.assert_allclose(found, np.real(scipy.linalg.logm(m)), atol=1e-7)
+    np.testing.assert_allclose(scipy.linalg.expm(found), m, rtol=1e-11, atol=1e-12 * abs(m).max())
+
+
+@pytest.mark.parametrize("m", WITH_LOGARITHM[:-1])
+def test_affine_exponential_is_scipys(m):
+    """(16)."""
+    v = m - IDENTITY
+    np.testing.assert_allclose(
+        AffineGroup().exp(IDENTITY, v), scipy.linalg.expm(v), rtol=1e-10, atol=1e-12
+    )
+
+
+@pytest.mark.parametrize("m", WITHOUT_LOGARITHM)
+def test_without_a_real_logarithm_the_distance_is_infinite(m):
+    group = AffineGroup()
+    assert np.isnan(group.log(IDENTITY, m)).any()
+    assert group.dist(IDENTITY, m) == np.inf
+    assert (group.attraction(IDENTITY, m) == 0).all()
+    both = group.cloud(np.stack([m, IDENTITY]), precise=False).seen_from(IDENTITY[None])
+    assert both.z[0, 0] == np.inf
+    summed, total = both.weighted_sum(np.exp(-both.z))
+    assert np.isfinite(summed).all()
+    assert total[0] == pytest.approx(1.0)
+
+
+@given(st.lists(st.floats(-4.0, 4.0), min_size=6, max_size=6))
+@settings(max_examples=300, deadline=None)
+def test_affine_exp_and_log_invert_each_other(numbers):
+    """Where the imaginary parts of the eigenvalues stay within (-pi, pi), log inverts exp."""
+    v = np.zeros((3, 3))
+    v[:2] = np.reshape(numbers, (2, 3))
+    m = AffineGroup().exp(IDENTITY, v)
+    np.testing.assert_allclose(m, scipy.linalg.expm(v), rtol=1e-8, atol=1e-8 * abs(m).max())
+    if np.abs(np.linalg.eigvals(v).imag).max() < 3.0:
+        size = max(1.0, np.abs(v).max()) * np.linalg.cond(m)
+        np.testing.assert_allclose(AffineGroup().log(IDENTITY, m), v, atol=1e-12 * size)
+
+
+@pytest.mark.parametrize("length", [1e-9, 1e-4, 0.3, 1.0, 2.0])
+def test_special_linear_logarithm_and_exponential_are_scipys(length, rng):
+    group = SpecialLinear()
+    x = np.broadcast_to(IDENTITY, (40, 3, 3))
+    v = length * group.random_tangent(x, rng)
+    m = group.exp(x, v)
+    expected = np.array([scipy.linalg.expm(each) for each in v])
+    np.testing.assert_allclose(m, expected, rtol=1e-12, atol=1e-13)
+    logs = np.array([np.real(scipy.linalg.logm(each)) for each in m])
+    np.testing.assert_allclose(group.log(x, m), logs, atol=1e-9 * max(length, 1e-3))
+    np.testing.assert_allclose(np.trace(group.log(x, m), axis1=1, axis2=2), 0, atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    "m", [np.diag([-1.0, -1.0, 1.0]), np.diag([-2.0, -0.25, 2.0]), np.diag([1.0, -2.0, -0.5])]
+)
+def test_special_linear_without_a_real_logarithm(m):
+    assert SpecialLinear().dist(IDENTITY, m) == np.inf
+
+
+def test_jordan_blocks_of_special_linear():
+    """Shears: all eigenvalues 1, the logarithm is the finite series."""
+    n = np.array([[0.0, 2.0, -1.0], [0.0, 0.0, 3.0], [0.0, 0.0, 0.0]])
+    np.testing.assert_allclose(
+        SpecialLinear().log(IDENTITY, IDENTITY + n), n - n @ n / 2, atol=1e-8
+    )
+
+
+@pytest.mark.parametrize("group", [AffineGroup(), SpecialLinear()])
+def test_pruned_pairs_are_only_those_out_of_reach(group: MatrixGroup, rng):
+    x, y = group.random_point(rng, 30), group.random_point(rng, 200)
+    h = 0.15
+    whole = group.cloud(y, h).seen_from(x)
+    for precise, tolerance in ((True, 1e-9), (False, 2e-3)):
+        pruned = group.cloud(y, h, precise, reach=5.0).seen_from(x)
+        near = whole.z <= 25.0
+        assert not np.isfinite(pruned.z).all()
+        np.testing.assert_allclose(pruned.z[near], whole.z[near], rtol=tolerance, atol=tolerance)
+        far = np.isfinite(pruned.z) & ~near
+        np.testing.assert_allclose(pruned.z[far], whole.z[far], rtol=tolerance)
+        weights = np.exp(-whole.z) * near
+        for a, b in zip(pruned.weighted_sum(weights), whole.weighted_sum(weights), strict=True):
+            np.testing.assert_allclose(a, b, atol=tolerance)
+
+
+def test_lower_bound_of_the_distance(rng):
+    """log(1 + |m - I|_F) <= |log m|_F, by which pairs are left out."""
+    m = AffineGroup().random_point(rng, 500)
+    bound = np.log1p(np.linalg.norm(m - IDENTITY, axis=(1, 2)))
+    assert (bound <= AffineGroup().dist(IDENTITY, m) + 1e-12).all()
+
+
+def test_gradient_of_equation_21_is_ten_percent_off_at_length_0_3(rng):
+    """The design's figure for the first-order approximation, against the exact gradient."""
+    first, exact = AffineGroup(), AffineGroup(exact=True)
+    x = first.random_point(rng, 200)
+    y = first.exp(x, 0.3 * first.random_tangent(x, rng))
+    error = first.norm(x, first.attraction(x, y) - exact.attraction(x, y)) / 0.3
+    assert 0.02 < np.median(error) < 0.15
