@@ -154,6 +154,7 @@ class Options:
     settings: tuple[Setting, ...]
     outliers: float
     min_motions: int
+    from_pixels: bool
     others: tuple[Path, ...]
     """Files whose tracks serve as foreign outliers."""
 
@@ -177,13 +178,16 @@ def run_benchmark(
     outliers: float = 0.0,
     min_motions: int = 0,
     single_groups: bool = False,
+    from_pixels: bool = False,
 ) -> Iterator[SequenceResult]:
     """Results one by one, sequence after sequence, each with the seeds 0 .. ``seeds`` - 1.
 
     ``motions`` "given" tells the pipeline the true number of motions. ``outliers`` adds that share
     of outlier tracks: over many frames half from another sequence and half shuffled in time, in
     image pairs uniform mismatches. ``single_groups`` runs each true group alone, as a sequence
-    with one motion. ``jobs`` processes work at a time; the results do not depend on it.
+    with one motion. ``from_pixels`` detects and matches in the pictures that come with the tracks,
+    and labels the published tracks by the motions found. ``jobs`` processes work at a time; the
+    results do not depend on it.
 
     Raises UsageError for an unknown data set or senseless numbers, DataError for a folder without
     the files of the data set or a broken file.
@@ -195,7 +199,13 @@ def run_benchmark(
     files = DATASETS[dataset].files(Path(folder))
     cases = _single_groups(dataset, files) if single_groups else [Case(path) for path in files]
     options = Options(
-        dataset, motions, tuple(settings), outliers, min_motions, tuple(files) if outliers else ()
+        dataset,
+        motions,
+        tuple(settings),
+        outliers,
+        min_motions,
+        from_pixels,
+        tuple(files) if outliers else (),
     )
     work = [(case, seed, options) for case in cases for seed in range(seeds)]
     return _in_turn(work) if jobs == 1 else _in_processes(work, jobs)
@@ -235,19 +245,39 @@ def run_case(case: Case, seed: int, options: Options) -> SequenceResult:
     points, labels = points[order], labels[order]
     true = len(np.unique(labels[labels > 0]))
     configuration = _configuration(entry, options, true, seed)
-    document = TracksDocument(frames=list(entry.frames), camera=entry.camera, tracks=Tracks(points))
     start = time.perf_counter()
-    found = cluster(hypothesize(document, configuration), configuration)
+    if options.from_pixels:
+        found = _labels_from_pixels(entry, configuration, points)
+    else:
+        document = TracksDocument(
+            frames=list(entry.frames), camera=entry.camera, tracks=Tracks(points)
+        )
+        found = cluster(hypothesize(document, configuration), configuration).labels
     seconds = time.perf_counter() - start
     return SequenceResult(
         name=entry.name,
         group=entry.group,
-        error=misclassification(found.labels, labels),
+        error=misclassification(found, labels),
         motions_true=true,
-        motions_found=len(np.unique(found.labels[found.labels > 0])),
+        motions_found=len(np.unique(found[found > 0])),
         seconds=seconds,
         seed=seed,
     )
+
+
+def _labels_from_pixels(
+    entry: ImportedTracks, configuration: Configuration, points: Floats
+) -> Integers:
+    """Labels of the published tracks ``points`` under the motions found in the pictures."""
+    from mssegment.imaging.frames import frames_in_memory
+    from mssegment.pipeline import run
+    from mssegment.segmentation.judging import judge
+
+    if not entry.pictures:
+        raise UsageError(f"{entry.name}: --from-pixels needs pictures, and its file has none")
+    source = frames_in_memory(entry.frames, [picture[..., ::-1] for picture in entry.pictures])
+    found = run(configuration, source=source).segmentation
+    return judge(points, found.sets, found.segmentation)
 
 
 def add_outliers(

@@ -151,10 +151,10 @@ def hypothesize(document: TracksDocument, configuration: Configuration) -> Hypot
         remove=configuration.background.remove,
         min_displacement=configuration.background.min_displacement,
     )
+    eligible = background.status == 0
+    rng = _random("hypothesize", configuration)
     if uses_consensus(configuration.cluster.method, settings.model, points.shape[1]):
-        sets = draw_consensus_sets(
-            points, _random("hypothesize", configuration), eligible=background.status == 0
-        )
+        sets = draw_consensus_sets(points, rng, eligible=eligible)
     else:
         sets = draw(
             points,
@@ -163,8 +163,9 @@ def hypothesize(document: TracksDocument, configuration: Configuration) -> Hypot
             affines=document.tracks.affines,
             count=settings.count,
             sampling=settings.sampling,
-            eligible=background.status == 0,
-            rng=_random("hypothesize", configuration),
+            eligible=eligible,
+            rank=3 if settings.rank == "auto" else settings.rank,
+            rng=rng,
         )
     return HypothesesDocument(
         frames=document.frames,
@@ -245,18 +246,18 @@ class Result:
 def run(
     configuration: Configuration,
     tracks: TracksDocument | None = None,
+    source: FrameSource | None = None,
     threads: int = 1,
     on_stage: Callable[[str, Document | None, Timings], None] = lambda name, document, timings: (
         None
     ),
 ) -> Result:
-    """All stages in memory, from pictures (``input.images``) or from ``tracks``.
+    """All stages in memory, from ``tracks``, from pictures in ``source``, or ``input.images``.
 
     ``on_stage(name, None, ...)`` is called before a stage, ``on_stage(name, document, ...)`` after
     it. Raises DataError as the stages do.
     """
     timings = Timings()
-    source: FrameSource | None = None
     corners: CornersDocument | None = None
 
     def timed(name: str, stage: Callable[[], Any]) -> Any:
@@ -268,7 +269,7 @@ def run(
 
     if tracks is None:
         with timings.stage("read"):
-            source = open_input(configuration)
+            source = source or open_input(configuration)
         opened = source
         corners = timed("detect", lambda: detect(configuration, opened))
         found = corners

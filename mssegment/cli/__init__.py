@@ -25,6 +25,7 @@ COMMANDS: dict[str, str] = {
     "compare": "Several segmentations side by side.",
     "import": "Tracks from a CSV or a published data set.",
     "label": "Manual labels: draw polygons over the frames in a local page.",
+    "benchmark": "Run a published data set and compare with its labels.",
     "init": "A commented config.yaml to start from.",
 }
 """Every command with its one-line help; its module is ``cli/<name>.py`` (``import_tracks.py``)."""

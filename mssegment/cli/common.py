@@ -121,6 +121,33 @@ class Voice:
             task = progress.add_task(text, total=None)
             yield lambda text: progress.update(task, description=text)
 
+    @contextmanager
+    def progress(self, text: str, total: int) -> Iterator[Callable[[str], None]]:
+        """A bar with count, rate and time left on a terminal; call the function per item."""
+        if self.quiet or not sys.stderr.isatty() or "NO_COLOR" in os.environ:
+            yield lambda name: None
+            return
+        from rich.console import Console
+        from rich.progress import (
+            BarColumn,
+            MofNCompleteColumn,
+            Progress,
+            TextColumn,
+            TimeElapsedColumn,
+            TimeRemainingColumn,
+        )
+
+        columns = (
+            TextColumn("{task.description}"),
+            BarColumn(),
+            MofNCompleteColumn(),
+            TimeElapsedColumn(),
+            TimeRemainingColumn(),
+        )
+        with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+            task = bar.add_task(text, total=total)
+            yield lambda name: bar.update(task, advance=1, description=name)
+
     def deliver(self, document: Document, output: str | None, sentence: str, start: float) -> None:
         """Writes the document to ``output`` or standard output.
 

@@ -87,7 +87,7 @@ def command(
                 for note in document.history[-1].notes:
                     voice.note(note)
 
-        result = pipeline.run(configuration, tracks, threads, on_stage)
+        result = pipeline.run(configuration, tracks, threads=threads, on_stage=on_stage)
         progress("report")
         with result.timings.stage("report"):
             results = Results.of(result.segmentation, configuration, result.source)
