@@ -113,7 +113,7 @@ def _watched(
 
 
 def _write(dataset: str, results: list[SequenceResult], voice: Voice) -> None:
-    from mssegment.rendering.benchmarks import benchmark_json, benchmark_text
+    from mssegment.cli.benchmark_tables import benchmark_json, benchmark_text
 
     write = benchmark_json if voice.json else benchmark_text
     sys.stdout.write(write(dataset, results))

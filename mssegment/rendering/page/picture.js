@@ -91,9 +91,11 @@ function traceHead(context, start, end, size) {
   context.closePath();
 }
 
-function drawLayer({ look, canvas, context }) {
+function drawLayer(layer) {
+  const { look, canvas, context } = layer;
+  layer.stale = canvas.hidden; // to be drawn when it is shown again
+  if (layer.stale) return;
   context.clearRect(0, 0, canvas.width, canvas.height);
-  if (canvas.hidden) return;
   const list = members.get(look.label);
   if ($("show-ways").checked) drawWays(context, look, list);
   if (!$("show-points").checked) return;
@@ -119,20 +121,32 @@ function drawNumbers() {
   context.clearRect(0, 0, canvas.width, canvas.height);
   if (!$("show-points").checked) return;
   for (const { look, canvas: layer } of layers) {
-    if (look.label > 0 && !layer.hidden) drawNumber(context, look, members.get(look.label));
+    if (look.label > 0 && !layer.hidden) drawNumber(context, look);
   }
 }
 
-// the number of a motion on its object: at the inlier nearest to the median of all
-function drawNumber(context, look, list) {
-  const here = list.filter((track) => seen(track, state.frame)).map((t) => place(t, state.frame));
-  if (!here.length) return;
-  const middle = [0, 1].map((axis) => {
-    const sorted = here.map((p) => p[axis]).sort((a, b) => a - b);
-    return sorted[sorted.length >> 1];
-  });
-  const far = (p) => (p[0] - middle[0]) ** 2 + (p[1] - middle[1]) ** 2;
-  const [x, y] = here.reduce((best, p) => (far(p) < far(best) ? p : best));
+// the number of a motion lies on its object: at the inlier nearest to the median of all
+const numberPlaces = new Map();
+function numberPlace(label) {
+  const key = `${label}/${state.frame}`;
+  if (!numberPlaces.has(key)) {
+    const tracks = members.get(label).filter((track) => seen(track, state.frame));
+    const here = tracks.map((track) => place(track, state.frame));
+    const middle = [0, 1].map((axis) => {
+      const sorted = here.map((p) => p[axis]).sort((a, b) => a - b);
+      return sorted[sorted.length >> 1];
+    });
+    const far = (p) => (p[0] - middle[0]) ** 2 + (p[1] - middle[1]) ** 2;
+    const nearest = (best, p) => (far(p) < far(best) ? p : best);
+    numberPlaces.set(key, here.length ? here.reduce(nearest) : null);
+  }
+  return numberPlaces.get(key);
+}
+
+function drawNumber(context, look) {
+  const found = numberPlace(look.label);
+  if (found === null) return;
+  const [x, y] = found;
   const radius = 11 * unit;
   context.beginPath();
   context.arc(x * scale, y * scale, radius, 0, 2 * Math.PI);
@@ -218,7 +232,7 @@ function flick(on) {
 function toggle(label, on) {
   const layer = layers.find((one) => one.look.label === label);
   layer.canvas.hidden = !on;
-  if (on) drawLayer(layer);
+  if (on && layer.stale) drawLayer(layer);
   drawNumbers();
   document.body.classList.toggle(`hide-${layer.look.class}`, !on);
 }
