@@ -44,7 +44,7 @@ PROMISING = 0.4
 
 @dataclass(frozen=True)
 class _Matches:
-    """Matches: positions [n, 2] in both pictures, local affines, correlation, corner in view 1.
+    """Matches: positions [n, 2] in both pictures, local affines, correlation.
 
     ``born`` [n] is the round of growth that found each, 0 for the patches.
     """
@@ -53,7 +53,6 @@ class _Matches:
     second: Floats
     affines: Floats
     correlation: Floats
-    corner: Indices
     born: Indices
 
     def __getitem__(self, rows: Indices | npt.NDArray[np.bool_]) -> _Matches:
@@ -62,7 +61,6 @@ class _Matches:
             self.second[rows],
             self.affines[rows],
             self.correlation[rows],
-            self.corner[rows],
             self.born[rows],
         )
 
@@ -72,7 +70,6 @@ class _Matches:
             np.concatenate([self.second, other.second]),
             np.concatenate([self.affines, other.affines]),
             np.concatenate([self.correlation, other.correlation]),
-            np.concatenate([self.corner, other.corner]),
             np.concatenate([self.born, other.born]),
         )
 
@@ -123,7 +120,7 @@ def _seeds(first: View, second: View, ratio: float, correlation: float) -> _Matc
     )
     refined = register(first.pyramid, second.pyramid, windows)
     good = _credible(windows, refined, second, DRIFT, correlation)
-    return _as_matches(windows, refined, c1, 0)[good]
+    return _as_matches(windows, refined, 0)[good]
 
 
 def _credible(
@@ -141,14 +138,13 @@ def _credible(
     return np.asarray(sane & inside & near & (refined.correlation > correlation))
 
 
-def _as_matches(windows: Windows, refined: Registered, corner: Indices, born: int) -> _Matches:
+def _as_matches(windows: Windows, refined: Registered, born: int) -> _Matches:
     return _Matches(
         windows.first,
         refined.second,
         refined.affines,
         refined.correlation,
-        corner,
-        np.full(len(corner), born),
+        np.full(len(windows.first), born),
     )
 
 
@@ -193,7 +189,7 @@ def _grow(first: View, second: View, found: _Matches, number: int, correlation: 
     windows, corner = windows[best], corner[best]
     refined = register(first.pyramid, second.pyramid, windows)
     good = _credible(windows, refined, second, GROWTH_DRIFT, correlation)
-    return _as_matches(windows, refined, corner, number)[good]
+    return _as_matches(windows, refined, number)[good]
 
 
 def _level_for(second: View, scales: Floats, affines: Floats) -> Indices:

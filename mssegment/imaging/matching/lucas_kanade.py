@@ -19,11 +19,12 @@ from mssegment.records import Floats
 
 RADIUS = 9
 STEPS = 12
-STILL = 0.01
+STILL = 0.03
 """A window whose corners move less than this (pixels) in a step has converged."""
 RIDGE = 1e-3
 LEAST_GAIN = 0.05
-LARGEST_STRETCH = 0.5
+LARGEST_STRETCH = 0.3
+"""Entries of one step; larger ones overshoot, and above a half it need not have an inverse."""
 ORDER = np.array([0, 3, 1, 2, 4, 5])
 """From (gx, gx u, gx v, gy, gy u, gy v) to (gx, gy, gx u, gx v, gy u, gy v)."""
 
