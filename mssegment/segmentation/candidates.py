@@ -7,7 +7,7 @@ that grows alone ends by swallowing its neighbours: the early stages are often t
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -33,8 +33,6 @@ class Candidates:
     scales: Floats
     residuals: Floats
     gains: Floats
-    prices: Floats
-    parameters: Integers
 
     def __len__(self) -> int:
         return len(self.views)
@@ -43,7 +41,7 @@ class Candidates:
     def none(tracks: int) -> Candidates:
         """No candidates for so many tracks."""
         empty, rows = np.zeros(0, dtype=np.int64), np.zeros((0, tracks))
-        return Candidates(empty, empty, (), np.zeros(0), rows, rows, np.zeros(0), empty)
+        return Candidates(empty, empty, (), np.zeros(0), rows, rows)
 
     def take(self, index: Sequence[int] | Integers) -> Candidates:
         """The candidates ``index``."""
@@ -56,8 +54,6 @@ class Candidates:
             self.scales[i],
             self.residuals[i],
             self.gains[i],
-            self.prices[i],
-            self.parameters[i],
         )
 
 
@@ -70,8 +66,6 @@ def join(parts: Sequence[Candidates]) -> Candidates:
         np.concatenate([p.scales for p in parts]),
         np.concatenate([p.residuals for p in parts]),
         np.concatenate([p.gains for p in parts]),
-        np.concatenate([p.prices for p in parts]),
-        np.concatenate([p.parameters for p in parts]),
     )
 
 
@@ -79,13 +73,12 @@ def join(parts: Sequence[Candidates]) -> Candidates:
 class Family:
     """One set of hypotheses with all that turns its motions into candidates.
 
-    ``index`` is the place of the set; ``price`` multiplies what the parameters cost.
+    ``index`` is the place of the set.
     """
 
     index: int
     view: View
     noise: Noise
-    price: float
 
     def candidates(self, points: Floats, scales: Floats, modes: Integers) -> Candidates:
         """The motions ``points`` [B, ...] with their ``scales`` [B], as they are."""
@@ -94,6 +87,11 @@ class Family:
     def residuals(self, points: Floats) -> Floats:
         """Residuals [B, P] in pixels, finite."""
         return np.nan_to_num(self.view.residuals(points), nan=UNSOUND, posinf=UNSOUND)
+
+    def measured(self) -> Family:
+        """The same without parallax as noise: scales as small as measurements can have."""
+        noise = replace(self.noise, parallax=np.zeros_like(self.noise.parallax))
+        return replace(self, noise=noise)
 
     def refit(
         self, inliers: Floats, modes: Integers, stages: int, scales: Floats | None = None
@@ -116,13 +114,18 @@ class Family:
             made.append(self._made(points, scale, residuals, modes[alive]))
             if stage == stages:
                 break
-            explained = (made[-1].gains > 0).astype(np.float64)
+            explained = self.explained(residuals, scale)
             changed = (explained != inliers).any(axis=1) | (stage < 2)
             alive, inliers = alive[changed], explained[changed]
             if not len(alive):
                 break
             weights = inliers * self.noise.weights(residuals[changed], scale[changed])
         return made
+
+    def explained(self, residuals: Floats, scales: Floats) -> Floats:
+        """Where a motion saves more than half of what it would save on a perfect fit, [B, P]."""
+        perfect = self.noise.gains(np.zeros((len(scales), 1)), scales)
+        return np.asarray(self.noise.gains(residuals, scales) > perfect / 2, dtype=np.float64)
 
     def fitted(self, inliers: Floats, modes: Integers) -> list[Candidates]:
         """The motions fitted to the ``inliers`` [B, P] (0 or 1), one element or none."""
@@ -131,7 +134,7 @@ class Family:
     def _made(
         self, points: Floats, scales: Floats, residuals: Floats, modes: Integers
     ) -> Candidates:
-        count, parameters = len(points), self.view.model.parameters
+        count = len(points)
         return Candidates(
             np.full(count, self.index),
             np.asarray(modes, dtype=np.int64),
@@ -139,8 +142,6 @@ class Family:
             scales,
             residuals,
             self.noise.gains(residuals, scales),
-            self.price * self.noise.price(parameters, scales),
-            np.full(count, parameters),
         )
 
 
@@ -151,7 +152,7 @@ def from_modes(
     noise = family.noise
     residuals = family.residuals(points)
     made: list[Candidates] = []
-    for scale in np.geomspace(noise.floor, noise.cap, ladder):
-        inliers = noise.gains(residuals, np.full(len(points), scale)) > 0
-        made += family.refit(inliers.astype(np.float64), modes, stages)
+    for scale in noise.ladder(ladder):
+        inliers = family.explained(residuals, np.full(len(points), scale))
+        made += family.refit(inliers, modes, stages)
     return made

@@ -22,8 +22,9 @@ import numpy as np
 from mssegment.hypotheses import neighbour_space
 from mssegment.records import Integers
 from mssegment.segmentation.candidates import Candidates, Family, from_modes, join
-from mssegment.segmentation.granularity import extent_of, scale_range
-from mssegment.segmentation.labelling import frequency_labels, neighbour_labels
+from mssegment.segmentation.description import Description
+from mssegment.segmentation.granularity import measurement_scales, parallax_of
+from mssegment.segmentation.labelling import neighbour_labels
 from mssegment.segmentation.likelihood import Noise, uniform_cost
 from mssegment.segmentation.refinement import refine, refit_once
 from mssegment.segmentation.selection import Choice, Chosen, Problem
@@ -71,53 +72,48 @@ def mdl(problem: Problem, recipe: Recipe = STANDARD) -> Choice:
     """
     families, notes = make_families(problem, recipe)
     pool = candidate_pool(problem, families, recipe)
-    bounds = Bounds.of(problem)
-    best = start(pool, bounds, recipe)
+    description = describe_tracks(problem, families, recipe)
+    best = start(pool, description)
     if recipe.moves:
-        best = improve(families, best, pool, bounds, recipe)
-    labels, best = settle(problem, families, best, recipe)
-    return Choice(tuple(describe(best, labels, families, recipe)), tuple(notes))
+        best = improve(best, pool, description)
+    labels, best = settle(problem, best, description, recipe.neighbours)
+    return Choice(tuple(motions_of(best, labels, description)), tuple(notes))
 
 
-@dataclass(frozen=True)
-class Bounds:
-    """The smallest and largest number of motions that is allowed."""
-
-    fewest: int
-    most: float
-
-    @staticmethod
-    def of(problem: Problem) -> Bounds:
-        """The bounds that the user set."""
-        if problem.motions is not None:
-            return Bounds(problem.motions, problem.motions)
-        return Bounds(problem.min_motions, np.inf)
-
-    def violation(self, count: int) -> float:
-        """By how many motions ``count`` is out of bounds."""
-        return max(self.fewest - count, count - self.most, 0.0)
+def describe_tracks(problem: Problem, families: Sequence[Family], recipe: Recipe) -> Description:
+    """The description that ``problem`` asks for."""
+    given = problem.motions
+    return Description(
+        families,
+        problem.points[:, 0],
+        fewest=problem.min_motions if given is None else given,
+        most=np.inf if given is None else given,
+        price=recipe.price,
+        label_cost=recipe.label_cost,
+    )
 
 
 def make_families(problem: Problem, recipe: Recipe) -> tuple[list[Family], list[str]]:
     """The sets of ``problem`` with their noise and prices, and what was decided about them."""
     granularity = problem.granularity
     notes: list[str] = []
-    outlier, extent = uniform_cost(problem.points), extent_of(problem.points)
+    outlier = uniform_cost(problem.points)
+    floor, cap = measurement_scales(problem.points)
     families = []
     for index, view in enumerate(problem.views):
         model = view.model
         free = model.free_extent(view.observed, view.hypotheses.coordinates)
-        floor, cap = scale_range(extent, granularity, predicts_points=free == 0)
         noise = Noise(
             model.residual_dimension,
             model.residual_terms,
-            float(floor),
-            float(cap),
+            floor,
+            cap,
             free,
             outlier,
+            parallax_of(problem.points, granularity, predicts_points=free == 0),
             recipe.freedom,
         )
-        families.append(Family(index, view, noise, recipe.price))
+        families.append(Family(index, view, noise))
     return families, notes
 
 
@@ -132,38 +128,25 @@ def candidate_pool(problem: Problem, families: Sequence[Family], recipe: Recipe)
     return join(parts) if parts else Candidates.none(len(problem.points))
 
 
-def worth(chosen: Candidates, bounds: Bounds, recipe: Recipe) -> float:
-    """Nats that the motions save on the description of all tracks; out of bounds is far worse."""
-    labels, value = frequency_labels(chosen.gains, recipe.label_cost)
-    inliers = np.maximum(np.bincount(labels, minlength=len(chosen) + 1)[1:], 1)
-    price = chosen.prices + recipe.price * chosen.parameters / 2 * np.log(inliers)
-    return value - float(price.sum()) - 1e9 * bounds.violation(len(chosen))
-
-
-def start(pool: Candidates, bounds: Bounds, recipe: Recipe) -> Candidates:
+def start(pool: Candidates, description: Description) -> Candidates:
     """Candidates one after the other, the one that saves most first, as long as one saves."""
     chosen = pool.take([])
-    best = worth(chosen, bounds, recipe)
+    best = description.saved(chosen)
     while True:
         tried = [join([chosen, pool.take([k])]) for k in proposals(chosen, pool, EXCHANGES)]
-        values = [worth(t, bounds, recipe) for t in tried]
+        values = [description.saved(one) for one in tried]
         if not values or max(values) <= best + IMPROVEMENT:
             return chosen
         chosen, best = tried[int(np.argmax(values))], max(values)
 
 
-def improve(
-    families: Sequence[Family],
-    chosen: Candidates,
-    pool: Candidates,
-    bounds: Bounds,
-    recipe: Recipe,
-) -> Candidates:
+def improve(chosen: Candidates, pool: Candidates, description: Description) -> Candidates:
     """Changes the set by the best move until no move shortens the description."""
     best = -np.inf
     for _ in range(MOST_MOVES):
-        done = refine(families, neighbouring_sets(families, chosen, pool), recipe.label_cost)
-        values = [worth(one, bounds, recipe) for one in done]
+        sets = neighbouring_sets(chosen, pool, description)
+        done = refine(description.families, sets, description.label_cost)
+        values = [description.saved(one) for one in done]
         if max(values) <= best + IMPROVEMENT:
             break
         chosen, best = done[int(np.argmax(values))], max(values)
@@ -171,12 +154,12 @@ def improve(
 
 
 def neighbouring_sets(
-    families: Sequence[Family], chosen: Candidates, pool: Candidates
+    chosen: Candidates, pool: Candidates, description: Description
 ) -> list[Candidates]:
     """The set itself, and all sets that one addition, removal, exchange or merger makes of it."""
     sets = [chosen]
     sets += [join([chosen, pool.take([k])]) for k in proposals(chosen, pool, PROPOSALS)]
-    labels, _ = frequency_labels(chosen.gains)
+    labels = description.labels(chosen)
     for j in range(len(chosen)):
         rest = chosen.take([k for k in range(len(chosen)) if k != j])
         sets.append(rest)
@@ -184,7 +167,7 @@ def neighbouring_sets(
     for a, b in combinations(range(len(chosen)), 2):
         both = ((labels == a + 1) | (labels == b + 1)).astype(np.float64)
         rest = chosen.take([k for k in range(len(chosen)) if k not in (a, b)])
-        for family in families:
+        for family in description.families:
             sets += [join([rest, one]) for one in family.fitted(both[None], chosen.modes[[a]])]
     return sets
 
@@ -204,16 +187,16 @@ def proposals(chosen: Candidates, pool: Candidates, count: int) -> list[int]:
 
 
 def settle(
-    problem: Problem, families: Sequence[Family], chosen: Candidates, recipe: Recipe
+    problem: Problem, chosen: Candidates, description: Description, neighbours: bool
 ) -> tuple[Integers, Candidates]:
     """The final labels [P], each coded with its neighbours', and the motions fitted to them.
 
     How large a misfit is one body decides what the motions are; which tracks belong to them is
     decided at the scale that each motion turns out to have.
     """
-    families = [measured(family, extent_of(problem.points)) for family in families]
-    if not recipe.neighbours or not len(chosen):
-        return frequency_labels(chosen.gains, recipe.label_cost)[0], chosen
+    if not neighbours:
+        return description.labels(chosen), chosen
+    families = [family.measured() for family in description.families]
     space = neighbour_space(problem.points)
     for _ in range(SETTLING):
         labels = neighbour_labels(chosen.gains, space)
@@ -222,33 +205,25 @@ def settle(
     return neighbour_labels(chosen.gains, space), chosen
 
 
-def measured(family: Family, extent: float) -> Family:
-    """The family with a scale as small as measurements can have."""
-    floor = float(scale_range(extent, "surface", predicts_points=True)[0])
-    return replace(family, noise=replace(family.noise, floor=min(floor, family.noise.floor)))
-
-
-def describe(
-    chosen: Candidates, labels: Integers, families: Sequence[Family], recipe: Recipe
-) -> list[Chosen]:
+def motions_of(chosen: Candidates, labels: Integers, description: Description) -> list[Chosen]:
     """The motions as the rest of the house knows them."""
-    free = Bounds(0, np.inf)
-    total = worth(chosen, free, recipe)
-    described = []
+    description = replace(description, fewest=0, most=np.inf)
+    total = description.saved(chosen)
+    found = []
     for k in range(len(chosen)):
         inliers = labels == k + 1
         if not inliers.any():
             continue
         rest = chosen.take([j for j in range(len(chosen)) if j != k])
-        noise = families[chosen.views[k]].noise
-        described.append(
+        noise = description.families[int(chosen.views[k])].noise
+        found.append(
             Chosen(
                 set=int(chosen.views[k]),
                 point=chosen.points[k],
                 inliers=inliers,
                 mode=int(chosen.modes[k]),
                 scale=noise.deviation(chosen.residuals[k][inliers]),
-                cost_saved=total - worth(rest, free, recipe),
+                cost_saved=total - description.saved(rest),
             )
         )
-    return described
+    return found

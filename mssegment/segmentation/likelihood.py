@@ -18,14 +18,18 @@ from mssegment.records import Floats
 
 DEGREES_OF_FREEDOM = 2.5
 """Of the Student t distribution of the residuals; infinity would be Gaussian."""
+PARALLAX_CAP = 2.5
+"""Largest scale of a motion, over the parallax that is noise."""
 SCALE_ROUNDS = 4
 """Rounds of the fixed point of a motion's scale; it converges by a factor of about 4 a round."""
 
 
 @dataclass(frozen=True)
 class Noise:
-    """The residuals of one model: scale between ``floor`` and ``cap`` pixels in ``dimension``.
+    """The residuals of one model, vectors of ``dimension`` coordinates.
 
+    The scale of a motion lies between ``floor`` and ``cap`` pixels, and is not less than the
+    ``parallax`` [P] (root mean square over its inliers), which then bounds it, too.
     ``terms`` squared residuals make the squared residual vector (``MotionModel.residual_terms``);
     ``free`` is the description of what the model leaves open, ``outlier`` that of a track without
     motion.
@@ -37,6 +41,7 @@ class Noise:
     cap: float
     free: float
     outlier: float
+    parallax: Floats
     freedom: float = DEGREES_OF_FREEDOM
 
     def gains(self, residuals: Floats, scales: Floats) -> Floats:
@@ -50,14 +55,10 @@ class Noise:
             spread = normaliser + (nu + c) / 2 * np.log1p(square / nu)
         return np.asarray(self.outlier - self.free - c * np.log(scales)[:, None] - spread)
 
-    def price(self, parameters: int, scales: Floats) -> Floats:
-        """Nats to state the parameters of motions with these scales [B], for one inlier.
-
-        A parameter moves the tracks by up to the extent that their residual has without a motion,
-        and is stated to within the scale; n inliers fix it more finely, for parameters/2 ln n more.
-        """
-        extent = (self.outlier - self.free) / self.dimension
-        return np.asarray(parameters * np.maximum(extent - np.log(scales), 0.0))
+    @property
+    def extent(self) -> float:
+        """Natural log of the pixels over which a residual's coordinate spreads without a motion."""
+        return (self.outlier - self.free) / self.dimension
 
     def weights(self, residuals: Floats, scales: Floats) -> Floats:
         """Weights of the least-squares fit that maximizes the likelihood, [B, P]."""
@@ -75,11 +76,19 @@ class Noise:
         count = np.maximum(inliers.sum(axis=1), 1.0) * self.dimension
         square = np.where(inliers > 0, self.terms * residuals**2, 0.0)
         rms = np.sqrt(square.sum(axis=1) / count)
-        scales = np.clip(rms if start is None else start, self.floor, self.cap)
+        parallax = np.sqrt((inliers > 0) @ self.parallax**2 / np.maximum(inliers.sum(axis=1), 1.0))
+        floor = np.maximum(self.floor, parallax)
+        cap = np.maximum(self.cap, PARALLAX_CAP * parallax)
+        scales = np.clip(rms if start is None else start, floor, cap)
         for _ in range(SCALE_ROUNDS):
             weighted = np.where(inliers > 0, self.weights(residuals, scales), 0.0) * square
-            scales = np.clip(np.sqrt(weighted.sum(axis=1) / count), self.floor, self.cap)
+            scales = np.clip(np.sqrt(weighted.sum(axis=1) / count), floor, cap)
         return scales
+
+    def ladder(self, steps: int) -> Floats:
+        """Scales at which a motion may collect its first inliers, pixels [steps]."""
+        parallax = float(np.sqrt(np.mean(self.parallax**2))) if len(self.parallax) else 0.0
+        return np.geomspace(self.floor, max(self.cap, PARALLAX_CAP * parallax), steps)
 
 
 def uniform_cost(points: Floats) -> float:

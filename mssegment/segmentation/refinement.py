@@ -41,7 +41,7 @@ def refit_once(families: Sequence[Family], current: Candidates, inliers: Floats)
     """The motions fitted once to their ``inliers`` [K, P] (0 or 1), in their order."""
     points = list(current.points)
     scales, residuals = current.scales.copy(), current.residuals.copy()
-    gains, prices = current.gains.copy(), current.prices.copy()
+    gains = current.gains.copy()
     for family in families:
         own = np.flatnonzero(current.views == family.index)
         if not len(own):
@@ -54,16 +54,6 @@ def refit_once(families: Sequence[Family], current: Candidates, inliers: Floats)
         k = own[good]
         scale = family.noise.scales(new, inliers[k], scales[k])
         residuals[k], scales[k], gains[k] = new, scale, family.noise.gains(new, scale)
-        prices[k] = family.price * family.noise.price(family.view.model.parameters, scale)
         for place, index in zip(good, k, strict=True):
             points[index] = fitted[place]
-    return Candidates(
-        current.views,
-        current.modes,
-        tuple(points),
-        scales,
-        residuals,
-        gains,
-        prices,
-        current.parameters,
-    )
+    return Candidates(current.views, current.modes, tuple(points), scales, residuals, gains)

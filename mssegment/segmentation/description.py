@@ -1,0 +1,69 @@
+"""How long the description of all tracks is when a set of motions is used.
+
+It consists of the tracks (``likelihood``), their labels (``labelling``), and the parameters of the
+motions. All is measured as what is saved against the description without any motion, in nats.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from mssegment.records import Floats, Integers
+from mssegment.segmentation.candidates import Candidates, Family
+from mssegment.segmentation.labelling import frequency_labels
+
+QUANTUM = 0.5 * float(np.log(12.0)) - 0.5
+"""Nats that the best precision saves per parameter (Wallace and Freeman, 1987)."""
+CONFIRMED = 2
+"""A motion needs so many times the tracks of an elemental subset: as many again confirm it."""
+FORBIDDEN = 1e6
+"""Nats; more than any description saves."""
+
+
+@dataclass(frozen=True)
+class Description:
+    """The description of tracks that lie at ``places`` [P, 2] (pixels, first frame).
+
+    ``fewest`` and ``most`` bound the number of motions; ``price`` multiplies what the parameters
+    cost and ``label_cost`` says whether labels cost anything (both for the ablation).
+    """
+
+    families: Sequence[Family]
+    places: Floats
+    fewest: int = 0
+    most: float = np.inf
+    price: float = 1.0
+    label_cost: bool = True
+
+    def labels(self, chosen: Candidates) -> Integers:
+        """The labels [P] that the motions ``chosen`` give, 0 for outliers."""
+        return frequency_labels(chosen.gains, self.label_cost)[0]
+
+    def saved(self, chosen: Candidates) -> float:
+        """Nats that the motions ``chosen`` save altogether; less than nothing where forbidden."""
+        labels, value = frequency_labels(chosen.gains, self.label_cost)
+        for k in range(len(chosen)):
+            value -= self._price(chosen, k, labels == k + 1)
+        violation = max(self.fewest - len(chosen), len(chosen) - self.most, 0.0)
+        return value - 1e3 * FORBIDDEN * violation
+
+    def _price(self, chosen: Candidates, k: int, inliers: Integers) -> float:
+        """Nats to state motion ``k``: each parameter to the precision that its inliers give.
+
+        As many parameters as the residual has dimensions shift the whole body, by up to the extent
+        of the scene; the others change its shape and move its tracks by up to its own size.
+        """
+        family, count = self.families[int(chosen.views[k])], int(inliers.sum())
+        model, noise = family.view.model, family.noise
+        if count < CONFIRMED * model.subset_size:
+            return FORBIDDEN
+        body = self.places[inliers]
+        size = float(np.sqrt(((body - body.mean(axis=0)) ** 2).sum(axis=1).mean()))
+        precision = float(np.log(chosen.scales[k])) - 0.5 * float(np.log(count)) + QUANTUM
+        shift = max(noise.extent - precision, 0.0)
+        shape = max(float(np.log(max(size, 1e-12))) - precision, 0.0)
+        shifts = min(noise.dimension, model.parameters)
+        return self.price * (shifts * shift + (model.parameters - shifts) * shape)
