@@ -9,13 +9,14 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from mssegment.records import Floats, Integers
+from mssegment.records import Floats, Frame, Integers
 from mssegment.rendering.report import Report
 
 MOST_INK = 0.3
 """The share of the room of one label that its displacements may cover."""
 LEAST = 12
 """So many displacements of a label are always drawn."""
+PARTS = 6
 WIDTH = 1 / 400
 """The width of a displacement over the diagonal of the frame, as it is drawn about everywhere."""
 
@@ -23,24 +24,33 @@ WIDTH = 1 / 400
 def carriers(report: Report, index: int, *, together: bool = False) -> npt.NDArray[np.bool_]:
     """Which tracks [P] show their displacement in frame ``index``; the same share of each label.
 
-    ``together`` takes all tracks for one label, for pictures that do not tell them apart.
+    ``together`` is for pictures that do not tell the labels apart: there every part of the frame
+    is thinned for itself.
     """
     frame = report.frames[index]
     width = WIDTH * float(np.hypot(frame.width, frame.height))
-    labels = np.zeros(len(report.labels), dtype=np.int64) if together else report.labels
-    shown = np.zeros(len(labels), dtype=bool)
     here = report.tracks.points[:, index]
     seen = np.asarray(np.isfinite(here).all(axis=1))
-    for label in np.unique(labels):
-        members = np.flatnonzero(seen & (labels == label))
+    groups = _parts(here, frame) if together else report.labels
+    least = LEAST // 4 if together else LEAST
+    shown = np.zeros(len(groups), dtype=bool)
+    for group in np.unique(groups):
+        members = np.flatnonzero(seen & (groups == group))
         room = _room(here[members])
         ink = width * _lengths(report.tracks.points[members])
         total = float(ink.sum())
         count = len(members)
         if total > MOST_INK * room:
-            count = max(LEAST, int(count * MOST_INK * room / total))
+            count = max(least, int(count * MOST_INK * room / total))
         shown[members[spread(here[members], count)]] = True
     return shown
+
+
+def _parts(points: Floats, frame: Frame) -> Integers:
+    """Which of ``PARTS`` x ``PARTS`` parts of the frame each point [P, 2] lies in."""
+    size = np.array([max(1, frame.width), max(1, frame.height)])
+    cells = np.clip(np.nan_to_num(points) / size * PARTS, 0, PARTS - 1).astype(np.int64)
+    return np.asarray(cells[:, 0] + PARTS * cells[:, 1])
 
 
 def spread(points: Floats, count: int) -> Integers:
