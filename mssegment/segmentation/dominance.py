@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from mssegment.records import Floats
-from mssegment.segmentation.inliers import SPARE, Fitted, fit_to_basin
+from mssegment.segmentation.inliers import SPARE, Fitted, fit_within, inlier_limit
 from mssegment.segmentation.refit import compete
 from mssegment.segmentation.selection import Choice, Chosen, Problem, View
 
@@ -22,6 +22,8 @@ SAME = 2.0
 """Two motions are the same where the inliers of one have residuals from the other that are less
 than so many times as large."""
 
+HEAVY = 0.02
+"""Modes with this share of the heaviest one's mass say what the noise is."""
 MIXTURE = 3.0
 """A motion with residuals so many times the noise was fitted to two bodies at once."""
 
@@ -87,9 +89,14 @@ def _candidates(problem: Problem, index: int) -> list[_Candidate]:
     modes = [i for i, mode in enumerate(problem.modes) if mode.set == index]
     modes.sort(key=lambda i: -problem.modes[i].kde * problem.modes[i].hypotheses)
     found = []
-    for i in modes[:CANDIDATES]:
+    modes = modes[:CANDIDATES]
+    masses = np.array([problem.modes[i].kde * problem.modes[i].hypotheses for i in modes])
+    heavy = [i for i, mass in zip(modes, masses, strict=True) if mass >= HEAVY * masses[0]]
+    nearest = view.residuals(np.stack([problem.modes[i].point for i in heavy])).min(axis=0)
+    cut = inlier_limit(nearest, view.model)
+    for i in modes:
         mode = problem.modes[i]
-        fitted = fit_to_basin(view, mode.point)
+        fitted = fit_within(view, mode.point, cut)
         if fitted is not None:
             found.append(_Candidate(i, mode.kde * mode.hypotheses, fitted))
     return found

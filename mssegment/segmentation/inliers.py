@@ -13,8 +13,9 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.special import polygamma
+from scipy.stats import chi
 
-from mssegment.motions import Flags
+from mssegment.motions import Flags, MotionModel
 from mssegment.records import Floats
 from mssegment.segmentation.selection import View
 
@@ -25,6 +26,9 @@ LEAST_RESIDUAL = 1e-3
 SPARE = 3
 """Inliers that a motion needs beyond an elemental subset."""
 ROUNDS = 10
+MIXTURE_ROUNDS = 30
+WIDEST = 4.0
+"""Standard deviations beyond the typical length of the noise where inliers end at the latest."""
 
 
 @dataclass(frozen=True)
@@ -62,6 +66,55 @@ def first_minimum(residuals: Floats, dimension: int, least: int) -> float:
     rising = np.diff(density) > 0
     minima = np.flatnonzero(~rising[:-1] & rising[1:]) + 1
     return float(np.exp(grid[minima[0]])) if len(minima) else float("inf")
+
+
+def inlier_limit(nearest: Floats, model: MotionModel) -> float:
+    """Residual (pixels) up to which a track is more likely an inlier than not.
+
+    ``nearest`` [P] are the residuals of all tracks from the motion that each is nearest to: of all
+    bodies together they make one mode. Its basin is the start; where bodies move alike it ends too
+    late, so the residuals are then taken apart into noise of ``model.residual_dimension``
+    coordinates and tracks anywhere (expectation-maximization), and the limit is where the two are
+    equally likely.
+    """
+    c, least = model.residual_dimension, model.subset_size + SPARE
+    length = nearest * np.sqrt(model.residual_terms)
+    farthest = float(length.max())
+    start = length <= first_minimum(length, c, max(least, len(length) // 5))
+    sigma, share = float(np.sqrt(np.mean(length[start] ** 2) / c)), float(start.mean())
+    sigma = max(min(sigma, float(np.median(length[start])) / float(chi.median(c))), LEAST_RESIDUAL)
+    for _ in range(MIXTURE_ROUNDS):
+        inlier = share * chi.pdf(length, c, scale=sigma)
+        outlier = (1.0 - share) * c * length ** (c - 1) / farthest**c
+        owned = inlier / np.maximum(inlier + outlier, 1e-300)
+        total = max(float(owned.sum()), 1.0)
+        share = min(total / len(length), 1.0 - 1.0 / len(length))
+        sigma = max(float(np.sqrt((owned * length**2).sum() / (c * total))), LEAST_RESIDUAL)
+    grid = sigma * np.linspace(np.sqrt(c), WIDEST + np.sqrt(c), 400)
+    inlier = share * chi.pdf(grid, c, scale=sigma)
+    outlier = (1.0 - share) * c * grid ** (c - 1) / farthest**c
+    likely = np.flatnonzero(inlier > outlier)
+    limit = grid[likely[-1]] if len(likely) else grid[0]
+    return float(limit / np.sqrt(model.residual_terms))
+
+
+def fit_within(view: View, point: Floats, cut: float) -> Fitted | None:
+    """Alternates inliers within ``cut`` pixels and least squares until the inliers stay.
+
+    None where the motion loses its inliers on the way.
+    """
+    least = view.model.subset_size + SPARE
+    residuals = view.residuals(point[None])[0]
+    inliers = np.zeros(len(residuals), dtype=np.bool_)
+    for _ in range(ROUNDS):
+        before, inliers = inliers, np.asarray(residuals <= cut)
+        if np.array_equal(inliers, before):
+            break
+        points, sound = view.fit(inliers[None].astype(np.float64))
+        if inliers.sum() < least or not sound[0]:
+            return None
+        point, residuals = points[0], view.residuals(points)[0]
+    return Fitted(point, inliers, residuals)
 
 
 def fit_to_basin(view: View, point: Floats) -> Fitted | None:

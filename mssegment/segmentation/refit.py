@@ -6,7 +6,7 @@ import numpy as np
 
 from mssegment.motions import Flags
 from mssegment.records import Floats
-from mssegment.segmentation.inliers import SPARE, first_minimum
+from mssegment.segmentation.inliers import inlier_limit
 from mssegment.segmentation.selection import View
 
 ROUNDS = 10
@@ -15,17 +15,12 @@ ROUNDS = 10
 def shared_inliers(view: View, residuals: Floats) -> Flags:
     """Inliers [m, P] of m motions with ``residuals`` [m, P].
 
-    Of each motion the basin of its residual mode, among the tracks that no other motion is nearer
-    to: the tracks of the other bodies would fill the minimum that ends the basin.
+    A track is an inlier of the motion it is nearest to, up to the limit of the noise that all
+    motions share: the noise is the tracker's, not the motion's.
     """
     nearest = residuals.argmin(axis=0)
-    inliers = np.zeros(residuals.shape, dtype=np.bool_)
-    least = view.model.subset_size + SPARE
-    for j, row in enumerate(residuals):
-        own = nearest == j
-        cut = first_minimum(row[own], view.model.residual_dimension, least)
-        inliers[j] = own & (row <= cut)
-    return inliers
+    near_enough = residuals.min(axis=0) <= inlier_limit(residuals.min(axis=0), view.model)
+    return np.asarray(near_enough & (nearest == np.arange(len(residuals))[:, None]))
 
 
 def compete(view: View, points: Floats) -> tuple[Floats, Flags, Floats]:
