@@ -279,6 +279,8 @@ def test_hostile_arrays_become_points_or_an_error(data):
         "euclidean(-1)",
         "affine(2,inexact)",
         "special_linear(2)",
+        "special_euclidean(4)",
+        "special_euclidean(2,3)",
     ],
 )
 def test_unknown_names_are_refused_in_one_line(name):

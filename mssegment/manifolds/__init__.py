@@ -10,6 +10,8 @@ from mssegment.manifolds.base import Array, Cloud, Manifold, View
 from mssegment.manifolds.euclidean import Euclidean
 from mssegment.manifolds.grassmann import Grassmann
 from mssegment.manifolds.matrix_group import MatrixGroup
+from mssegment.manifolds.rigid_plane import RigidPlane
+from mssegment.manifolds.rigid_space import RigidSpace
 from mssegment.manifolds.special_linear import SpecialLinear
 
 REGISTRY: dict[str, type[Manifold]] = {
@@ -17,8 +19,13 @@ REGISTRY: dict[str, type[Manifold]] = {
     "grassmann": Grassmann,
     "affine": AffineGroup,
     "special_linear": SpecialLinear,
+    "special_euclidean(2)": RigidPlane,
+    "special_euclidean(3)": RigidSpace,
 }
-"""The families of manifolds by name; each knows ``examples`` of its members."""
+"""The families of manifolds by name, or by name and first argument where each has its own class.
+
+Each knows ``examples`` of its members.
+"""
 
 
 def from_name(name: str) -> Manifold:
@@ -27,11 +34,13 @@ def from_name(name: str) -> Manifold:
     Raises ConfigurationError when there is no such manifold.
     """
     parts = re.fullmatch(r"\s*(\w+)\s*\(([\w\s,]*)\)\s*", name)
-    family = REGISTRY.get(parts.group(1)) if parts else None
-    if parts is None or family is None:
+    arguments = tuple(a.strip() for a in parts.group(2).split(",")) if parts else ()
+    whole = f"{parts.group(1)}({arguments[0]})" if parts else ""
+    family = REGISTRY.get(parts.group(1), REGISTRY.get(whole)) if parts else None
+    if family is None:
         known = ", ".join(family.examples[0] for family in REGISTRY.values())
         raise ConfigurationError(f"no manifold is called {name!r}; names look like {known}")
-    return family.from_arguments(tuple(a.strip() for a in parts.group(2).split(",")))
+    return family.from_arguments(arguments)
 
 
 __all__ = [
@@ -43,6 +52,8 @@ __all__ = [
     "Grassmann",
     "Manifold",
     "MatrixGroup",
+    "RigidPlane",
+    "RigidSpace",
     "SpecialLinear",
     "View",
     "from_name",
