@@ -23,7 +23,7 @@ $(VENV)/.dev: $(BIN)/mssegment
 demo: $(BIN)/mssegment ## make the environment, segment the three sample scenes, say where the pictures are
 	@for model in translation factorization affine; do \
 		echo; echo "== $$model"; \
-		$(BIN)/mssegment run configs/$$model.yaml --out $(OUT)/$$model --force || exit; \
+		$(BIN)/mssegment run configs/$$model.yaml --out $(OUT)/$$model --force --format text || exit; \
 	done
 	@echo; echo "Pictures and pages:"; ls $(OUT)/*/*.png $(OUT)/*/report.html
 

@@ -15,6 +15,11 @@ import click
 from mssegment import __version__
 from mssegment.errors import ExitStatus, MssegmentError
 
+# the products are small: with two BLAS threads they run several times slower, and the last bits of
+# the results would depend on their number; numpy reads this when it is imported
+for _name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
+    os.environ.setdefault(_name, "1")
+
 COMMANDS: dict[str, str] = {
     "run": "All stages: pictures or a configuration in, a folder of results out.",
     "detect": "Harris corners of pictures or a video.",

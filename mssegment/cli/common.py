@@ -184,6 +184,21 @@ def voice_options(command: Command) -> Command:
     return decorated
 
 
+def format_option(command: Command) -> Command:
+    """Adds ``--format`` for tables; the command gets ``form``, None where nobody chose."""
+    return click.option(
+        "--format",
+        "form",
+        type=click.Choice(FORMATS),
+        help="Format of the tables.  [default: text on a terminal, json in a pipe]",
+    )(command)
+
+
+def chosen_format(form: str | None, voice: Voice) -> str:
+    """A person gets text, a program JSON, unless one is asked for."""
+    return form or ("json" if voice.json or not sys.stdout.isatty() else "text")
+
+
 def output_option(command: Command) -> Command:
     """Adds ``-o FILE``."""
     text = "File to write; - is standard output.  [default: -]"

@@ -7,7 +7,13 @@ import sys
 import click
 
 from mssegment.cli import COMMANDS
-from mssegment.cli.common import FORMATS, Voice, settings_options, voice_options
+from mssegment.cli.common import (
+    Voice,
+    chosen_format,
+    format_option,
+    settings_options,
+    voice_options,
+)
 from mssegment.configuration import Setting, resolve
 from mssegment.documents import SegmentationDocument, read_document, write_bytes
 from mssegment.errors import UsageError
@@ -22,12 +28,7 @@ KEYS = ("report.labels", "report.label_radius")
 @click.argument("segmentations", nargs=-1, metavar="SEGMENTATION...")
 @settings_options(*KEYS)
 @click.option("--picture", metavar="FILE", help="Also draw them side by side (.png, .jpg, .svg).")
-@click.option(
-    "--format",
-    "form",
-    type=click.Choice(FORMATS),
-    help="Format of the table.  [default: text; json with --json]",
-)
+@format_option
 @voice_options
 def command(
     segmentations: tuple[str, ...],
@@ -55,7 +56,7 @@ def command(
         content = comparison_picture(segmentations, reports, _picture_format(picture))
         write_bytes(picture, content)
         voice.note(f"{picture} written")
-    text = format_comparison(segmentations, reports, form or ("json" if voice.json else "text"))
+    text = format_comparison(segmentations, reports, chosen_format(form, voice))
     sys.stdout.write(text)
 
 

@@ -8,9 +8,10 @@ import click
 
 from mssegment.cli import COMMANDS
 from mssegment.cli.common import (
-    FORMATS,
     Voice,
+    chosen_format,
     document_argument,
+    format_option,
     read_argument,
     settings_options,
     voice_options,
@@ -37,12 +38,7 @@ KEYS = (
 @settings_options(*KEYS)
 @click.option("--out", metavar="DIR", help="Folder for report.json, the page and the pictures.")
 @click.option("--force", is_flag=True, help="Write into a folder that exists.")
-@click.option(
-    "--format",
-    "form",
-    type=click.Choice(FORMATS),
-    help="Format of the tables on standard output.  [default: text; json with --json]",
-)
+@format_option
 @click.option("--show", is_flag=True, help="Show the picture in the terminal, where it can.")
 @voice_options
 def command(
@@ -74,4 +70,4 @@ def command(
         voice.note(f"{', '.join(written)} in {out}")
     if show:
         results.show()
-    sys.stdout.write(format_report(results.report, form or ("json" if voice.json else "text")))
+    sys.stdout.write(format_report(results.report, chosen_format(form, voice)))

@@ -9,7 +9,13 @@ from typing import TYPE_CHECKING
 import click
 
 from mssegment.cli import COMMANDS
-from mssegment.cli.common import Voice, settings_options, voice_options
+from mssegment.cli.common import (
+    Voice,
+    chosen_format,
+    format_option,
+    settings_options,
+    voice_options,
+)
 from mssegment.configuration import (
     Configuration,
     Setting,
@@ -53,6 +59,7 @@ _TRACK_FILES = (".csv", ".mat", ".json")
     help="Threads; the result does not depend on them.",
 )
 @click.option("--profile", is_flag=True, help="Show time, share and peak memory of every stage.")
+@format_option
 @voice_options
 def command(
     inputs: tuple[str, ...],
@@ -62,6 +69,7 @@ def command(
     force: bool,
     threads: int,
     profile: bool,
+    form: str | None,
     voice: Voice,
 ) -> None:
     """Run all stages and write everything into one folder.
@@ -92,7 +100,12 @@ def command(
         with result.timings.stage("report"):
             results = Results.of(result.segmentation, configuration, result.source)
             names = _write(result, results, out)
-    _finish(results, result.timings, names, out, voice, profile)
+    _finish(result.timings, names, out, voice)
+    if profile:
+        print(_profile(result.timings), file=sys.stderr)
+    from mssegment.rendering.tables import format_report
+
+    sys.stdout.write(format_report(results.report, chosen_format(form, voice)))
 
 
 def _configuration(
@@ -153,19 +166,11 @@ def _write(result: pipeline.Result, results: Results, out: str) -> list[str]:
     return results.write(out)
 
 
-def _finish(
-    results: Results,
-    timings: pipeline.Timings,
-    names: list[str],
-    out: str,
-    voice: Voice,
-    profile: bool,
-) -> None:
-    """timings.json, the tables on standard output, and where everything is."""
+def _finish(timings: pipeline.Timings, names: list[str], out: str, voice: Voice) -> None:
+    """timings.json, and the line that says where everything is."""
     import msgspec
 
     from mssegment.documents import write_bytes
-    from mssegment.rendering.tables import summary
 
     content = {"seconds": timings.seconds, "peak_bytes": timings.peak_bytes}
     write_bytes(
@@ -173,9 +178,6 @@ def _finish(
         msgspec.json.format(msgspec.json.encode(content), indent=1) + b"\n",
     )
     voice.stage("report", f"{len(names)} files in {out}", timings.seconds["report"])
-    if profile:
-        print(_profile(timings), file=sys.stderr)
-    sys.stdout.write(results.json().decode() if voice.json else summary(results.report))
 
 
 def _profile(timings: pipeline.Timings) -> str:

@@ -46,6 +46,7 @@ def segment_by_modes(
     min_motions: int = 0,
     granularity: Granularity = "object",
     rng: np.random.Generator,
+    threads: int = 1,
 ) -> Segmentation:
     """Mean shift on every set, modes ranked by kernel density, then ``select``.
 
@@ -54,7 +55,7 @@ def segment_by_modes(
     """
     judged = np.asarray((status == OUTLIER) & np.isfinite(points).all(axis=(1, 2)))
     views = tuple(_view(points[judged], s) for s in sets)
-    modes, bandwidths, assignments = _find_modes(views, bandwidth, kernel, rng)
+    modes, bandwidths, assignments = _find_modes(views, bandwidth, kernel, rng, threads)
     choice = select(Problem(points[judged], views, modes, motions, min_motions, granularity, rng))
     return _segmentation(points, status, judged, views, modes, bandwidths, assignments, choice)
 
@@ -85,13 +86,18 @@ def _find_modes(
     bandwidth: float | Literal["auto"],
     kernel: str,
     rng: np.random.Generator,
+    threads: int,
 ) -> tuple[tuple[Mode, ...], tuple[float, ...], tuple[Integers, ...]]:
     """Modes of all sets, densest first; bandwidth and assignments (-1: to no mode) per set."""
     modes: list[Mode] = []
     bandwidths, places = [], []
     for index, view in enumerate(views):
         shifted = MeanShift(
-            view.model.manifold, bandwidth, kernel, bandwidth_constant=BANDWIDTH_CONSTANT
+            view.model.manifold,
+            bandwidth,
+            kernel,
+            bandwidth_constant=BANDWIDTH_CONSTANT,
+            threads=threads,
         ).fit(view.hypotheses.points, rng=rng)
         bandwidths.append(shifted.bandwidth_)
         places.append(np.where(shifted.labels_ >= 0, shifted.labels_ + len(modes), -1))
