@@ -76,7 +76,7 @@ class RigidSpace(MatrixGroup):
         return nearest_rotation(x)
 
     def deviation(self, x: Floats) -> Floats:
-        """The largest entry of R'R - I and of the last row off 0 0 0 1; infinite for reflections."""
+        """The largest entry of R'R - I and of the last row off 0 0 0 1; inf for reflections."""
         return distance_from_rotation(x)
 
 
