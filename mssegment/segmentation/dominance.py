@@ -24,6 +24,9 @@ than so many times as large."""
 
 HEAVY = 0.02
 """Modes with this share of the heaviest one's mass say what the noise is."""
+SLACK = 1.5
+"""The inliers of the chosen motions end, at the latest, so many times as far as those of all modes:
+bodies without a motion of their own must not widen the noise of the others."""
 MIXTURE = 3.0
 """A motion with residuals so many times the noise was fitted to two bodies at once."""
 
@@ -47,7 +50,8 @@ def dominance(problem: Problem) -> Choice:
         return Choice((), ("there is no mode",))
     index = max(problem.modes, key=lambda mode: mode.kde * mode.hypotheses).set
     view = problem.views[index]
-    found = _distinct(view, _candidates(problem, index), problem.motions)
+    candidates, cut = _candidates(problem, index)
+    found = _distinct(view, candidates, problem.motions)
     masses = np.array([candidate.mass for candidate in found])
     count, notes = problem.motions, []
     if count is None:
@@ -58,7 +62,9 @@ def dominance(problem: Problem) -> Choice:
     chosen = found[:count]
     if not chosen:
         return Choice((), tuple(notes))
-    points, inliers, residuals = compete(view, np.stack([c.fitted.point for c in chosen]))
+    points, inliers, residuals = compete(
+        view, np.stack([c.fitted.point for c in chosen]), SLACK * cut
+    )
     return Choice(
         tuple(
             Chosen(index, points[j], inliers[j], c.mode, _scale(view, residuals[j][inliers[j]]))
@@ -83,8 +89,8 @@ def _lone(view: View) -> float:
     return 1.0 / len(view.hypotheses.points)
 
 
-def _candidates(problem: Problem, index: int) -> list[_Candidate]:
-    """The heaviest modes of one set whose motion keeps its inliers."""
+def _candidates(problem: Problem, index: int) -> tuple[list[_Candidate], float]:
+    """The heaviest modes of one set whose motion keeps its inliers; where inliers end (pixels)."""
     view = problem.views[index]
     modes = [i for i, mode in enumerate(problem.modes) if mode.set == index]
     modes.sort(key=lambda i: -problem.modes[i].kde * problem.modes[i].hypotheses)
@@ -99,7 +105,7 @@ def _candidates(problem: Problem, index: int) -> list[_Candidate]:
         fitted = fit_within(view, mode.point, cut)
         if fitted is not None:
             found.append(_Candidate(i, mode.kde * mode.hypotheses, fitted))
-    return found
+    return found, cut
 
 
 def _distinct(view: View, candidates: list[_Candidate], wanted: int | None) -> list[_Candidate]:
@@ -112,13 +118,12 @@ def _distinct(view: View, candidates: list[_Candidate], wanted: int | None) -> l
             continue
         if any(_is_same(candidate.fitted, other.fitted, noise) for other in kept):
             continue
+        # of its inliers those count that no heavier motion is nearer to
+        others = [other.fitted.residuals for other in kept]
+        nearer = np.all([candidate.fitted.residuals < row for row in others], axis=0)
+        if (candidate.fitted.inliers & nearer).sum() < least:
+            continue
         kept.append(candidate)
-        points, inliers, residuals = compete(view, np.stack([c.fitted.point for c in kept]))
-        kept = [
-            _Candidate(c.mode, c.mass, Fitted(points[j], inliers[j], residuals[j]))
-            for j, c in enumerate(kept)
-            if inliers[j].sum() >= least
-        ]
         if wanted is not None and len(kept) == wanted:
             break
     return kept

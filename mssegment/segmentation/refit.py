@@ -12,18 +12,18 @@ from mssegment.segmentation.selection import View
 ROUNDS = 10
 
 
-def shared_inliers(view: View, residuals: Floats) -> Flags:
+def shared_inliers(view: View, residuals: Floats, farthest: float) -> Flags:
     """Inliers [m, P] of m motions with ``residuals`` [m, P].
 
     A track is an inlier of the motion it is nearest to, up to the limit of the noise that all
-    motions share: the noise is the tracker's, not the motion's.
+    motions share (the noise is the tracker's, not the motion's), at most ``farthest`` pixels.
     """
-    nearest = residuals.argmin(axis=0)
-    near_enough = residuals.min(axis=0) <= inlier_limit(residuals.min(axis=0), view.model)
-    return np.asarray(near_enough & (nearest == np.arange(len(residuals))[:, None]))
+    nearest, distance = residuals.argmin(axis=0), residuals.min(axis=0)
+    limit = min(inlier_limit(distance, view.model), farthest)
+    return np.asarray((distance <= limit) & (nearest == np.arange(len(residuals))[:, None]))
 
 
-def compete(view: View, points: Floats) -> tuple[Floats, Flags, Floats]:
+def compete(view: View, points: Floats, farthest: float = np.inf) -> tuple[Floats, Flags, Floats]:
     """Alternates shared inliers and least squares from the motions ``points`` [m, ...].
 
     Returns the motions, their inliers [m, P] and residuals [m, P]; a motion whose inliers no
@@ -33,7 +33,7 @@ def compete(view: View, points: Floats) -> tuple[Floats, Flags, Floats]:
     residuals = view.residuals(points)
     inliers = np.zeros(residuals.shape, dtype=np.bool_)
     for _ in range(ROUNDS):
-        before, inliers = inliers, shared_inliers(view, residuals)
+        before, inliers = inliers, shared_inliers(view, residuals, farthest)
         if np.array_equal(inliers, before):
             break
         fitted, sound = view.fit(inliers.astype(np.float64))
