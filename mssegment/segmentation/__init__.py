@@ -9,7 +9,12 @@ import numpy as np
 
 from mssegment.errors import DataError, UsageError
 from mssegment.records import OUTLIER, Camera, Floats, HypothesisSet, Integers, Segmentation
-from mssegment.segmentation.consensus import drawn_for_consensus, segment_by_consensus
+from mssegment.segmentation.clouds import clouds
+from mssegment.segmentation.consensus import (
+    drawn_for_consensus,
+    is_long,
+    segment_by_consensus,
+)
 from mssegment.segmentation.description_length import mdl
 from mssegment.segmentation.dominance import dominance
 from mssegment.segmentation.entry import segment_by_modes
@@ -71,7 +76,7 @@ def cluster(
     return segment_by_modes(
         points,
         sets,
-        select=SELECTIONS[selection],
+        select=clouds if is_long(sets) and selection == "mdl" else SELECTIONS[selection],
         status=status,
         bandwidth=bandwidth,
         kernel=kernel,
@@ -79,4 +84,5 @@ def cluster(
         min_motions=min_motions,
         granularity=granularity,
         rng=rng,
+        threads=threads,
     )

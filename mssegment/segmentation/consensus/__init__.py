@@ -8,6 +8,7 @@ from mssegment.segmentation.consensus.clustering import Consensus, cluster_by_co
 from mssegment.segmentation.consensus.drawing import draw_consensus_sets
 from mssegment.segmentation.consensus.segment import (
     drawn_for_consensus,
+    is_long,
     segment_by_consensus,
     uses_consensus,
 )
@@ -17,6 +18,7 @@ __all__ = [
     "cluster_by_consensus",
     "draw_consensus_sets",
     "drawn_for_consensus",
+    "is_long",
     "segment_by_consensus",
     "uses_consensus",
 ]

@@ -8,6 +8,7 @@ union would cost, against how well the tracks at their common border agree.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
@@ -43,23 +44,50 @@ def principal_components(points: Floats) -> Floats:
     return np.asarray(vectors @ directions[:, : -DIMENSIONS - 1 : -1])
 
 
-def cloud_cost(components: Floats, total: int) -> float:
-    """Description length (nats) of one group's tracks [n, D], as a robust Student-t cloud.
+@dataclass(frozen=True)
+class Cloud:
+    """A robust Student-t cloud: ``middle`` [D], the Cholesky factor ``lower`` [D, D] of its S."""
 
-    Per track (D + 5) ln(1 + q / 5) + ln|S| - 2 ln(n / ``total``), q its squared Mahalanobis
-    distance, S the covariance reweighted for outlying tracks.
+    middle: Floats
+    lower: Floats
+
+    @classmethod
+    def fitted(cls, components: Floats) -> Cloud:
+        """To the tracks [n, D], reweighted for outlying ones."""
+        count, dimensions = components.shape
+        weights = np.ones(count)
+        for _ in range(ROUNDS):
+            middle = weights @ components / weights.sum()
+            centred = components - middle
+            covariance = (weights[:, None] * centred).T @ centred / count
+            covariance += LEAST_SPREAD**2 * np.eye(dimensions)
+            cloud = cls(middle, np.linalg.cholesky(covariance))
+            weights = (dimensions + FREEDOM) / (FREEDOM + cloud.squared_distances(components))
+        return cloud
+
+    def squared_distances(self, components: Floats) -> Floats:
+        """Squared Mahalanobis distances of the tracks [n, D]."""
+        return np.asarray(
+            (np.linalg.solve(self.lower, (components - self.middle).T) ** 2).sum(axis=0)
+        )
+
+    def costs(self, components: Floats) -> Floats:
+        """Description length of each track (nats, up to a constant): (D + 5) ln(1 + q / 5) + ln|S|,
+        q its squared Mahalanobis distance.
+        """
+        tails = np.log1p(self.squared_distances(components) / FREEDOM)
+        spread = 2 * np.log(np.diag(self.lower)).sum()
+        return np.asarray((components.shape[1] + FREEDOM) * tails + spread)
+
+
+def cloud_cost(components: Floats, total: int) -> float:
+    """Description length (nats) of a group of tracks [n, D] out of ``total``, as a cloud.
+
+    The sum of ``Cloud.costs``, and - 2 ln(n / ``total``) per track.
     """
-    count, dimensions = components.shape
-    weights = np.ones(count)
-    for _ in range(ROUNDS):
-        centred = components - weights @ components / weights.sum()
-        covariance = (weights[:, None] * centred).T @ centred / count
-        covariance += LEAST_SPREAD**2 * np.eye(dimensions)
-        lower = np.linalg.cholesky(covariance)
-        squared = (np.linalg.solve(lower, centred.T) ** 2).sum(axis=0)
-        weights = (dimensions + FREEDOM) / (FREEDOM + squared)
-    tails = (dimensions + FREEDOM) * np.log1p(squared / FREEDOM).sum()
-    return float(tails + 2 * count * (np.log(np.diag(lower)).sum() - np.log(count / total)))
+    count = len(components)
+    costs = Cloud.fitted(components).costs(components)
+    return float(costs.sum() - 2 * count * np.log(count / total))
 
 
 def partition_cost(components: Floats, labels: Integers) -> float:

@@ -18,7 +18,13 @@ from mssegment.segmentation.consensus.comembership import (
 )
 from mssegment.segmentation.consensus.cuts import Cuts
 from mssegment.segmentation.consensus.evidence import EVIDENCE
-from mssegment.segmentation.consensus.outliers import Misfit, first_test, second_test
+from mssegment.segmentation.consensus.outliers import (
+    Misfit,
+    first_test,
+    misfit_limit,
+    second_test,
+    spared,
+)
 
 MOST_MOTIONS = 8
 """The most motions that are looked for where nobody says how many there are."""
@@ -78,11 +84,14 @@ def cluster_by_consensus(
             f"{SMALLEST}: give longer tracks, or more corners"
         )
     perspective = "flat" not in kinds
+    sparing = spared(misfit[kept], misfit_limit(own[kept], misfit[kept], perspective=perspective))
     kept = kept[first_test(own[kept], misfit[kept], perspective=perspective)]
     least = motions if motions else max(1, min_motions)
     most = motions if motions else max(least, max_motions)
     group = _group_incomplete if perspective else _group_complete
-    found, groups = group(own, kinds, kept, misfit, (least, most), rng)
+    found, groups = group(own, kinds, kept, (least, most), rng)
+    if not perspective:
+        groups[second_test(own[found], misfit[found], groups, sparing)] = OUTLIER
     labels[found] = groups
     return Consensus(_by_size(labels), misfit, tuple(kinds))
 
@@ -91,7 +100,6 @@ def _group_complete(
     points: Floats,
     kinds: Mapping[str, CoMembership],
     tracks: Integers,
-    misfit: Floats,
     bounds: tuple[int, int],
     rng: np.random.Generator,
 ) -> tuple[Integers, Integers]:
@@ -107,7 +115,6 @@ def _group_complete(
     complete, labels = _without_cliques(complete, bodies, bounds)
     partial = np.setdiff1d(tracks, np.flatnonzero(np.isfinite(points).all(axis=(1, 2))))
     joined = _join(kinds["flat"], partial, complete, labels)
-    labels[second_test(points[complete], misfit[complete], labels)] = OUTLIER
     return np.concatenate([complete, partial]), np.concatenate([labels, joined])
 
 
@@ -115,12 +122,10 @@ def _group_incomplete(
     points: Floats,
     kinds: Mapping[str, CoMembership],
     tracks: Integers,
-    misfit: Floats,
     bounds: tuple[int, int],
     rng: np.random.Generator,
 ) -> tuple[Integers, Integers]:
-    """Tracks and their labels, by normalised cuts; outliers are those of the first test alone."""
-    del misfit  # a whole-track test needs whole tracks
+    """Tracks and their labels, by normalised cuts."""
 
     def cuts(chosen: Integers) -> Cuts:
         block = np.ix_(chosen, chosen)

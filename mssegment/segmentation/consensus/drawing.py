@@ -27,7 +27,7 @@ GAPS, PAIRS_PER_GAP = (1, 2, 4), 6
 """The same for tracks that begin and end anywhere: short, or too few tracks are in both."""
 PER_PAIR = 200
 """Hypotheses per frame pair and kind."""
-WHOLE = 600
+WHOLE = 1000
 """Hypotheses over all frames."""
 LOCAL = 0.7
 """Share of the subsets that are a seed and its neighbours; the others are drawn anywhere."""

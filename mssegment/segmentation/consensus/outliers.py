@@ -22,6 +22,9 @@ PERSPECTIVE_OF_EXTENT, PERSPECTIVE_OF_MEDIAN = 0.15, 40.0
 SECOND_OF_EXTENT, RESIDUALS_OF_MEDIAN, SECOND_OF_MEDIAN = 0.1, 6.0, 4.0
 """Second test: (misfit over extent) x (residual over the motion's median residual) above the
 first, the residual above so many medians, and the misfit above so many median misfits."""
+BEYOND, RARE = 3.0, 0.01
+"""Where fewer than this share of the tracks are beyond so many limits, there are hardly any
+outliers, and both tests spare what is below: what remains is the edge of right tracks."""
 FLAT_ROUNDS = 5
 AT_MOST = 0.6
 """If more than this share of the tracks were outliers, the tests mean nothing."""
@@ -93,28 +96,39 @@ def two_frame_misfit(points: Floats, sets: Sequence[HypothesisSet]) -> Floats:
     return misfit.pixels()
 
 
+def misfit_limit(points: Floats, misfit: Floats, *, perspective: bool = False) -> float:
+    """The misfit in pixels above which a track is an outlier, before ``spared``."""
+    of_extent, of_median = MISFIT_OF_EXTENT, MISFIT_OF_MEDIAN
+    if perspective:
+        of_extent, of_median = PERSPECTIVE_OF_EXTENT, PERSPECTIVE_OF_MEDIAN
+    return max(of_extent * extent(points), of_median * float(np.nanmedian(misfit)))
+
+
+def spared(misfit: Floats, limit: float) -> float:
+    """What the limits are multiplied with: more than 1 where hardly any outliers are about."""
+    return BEYOND if (misfit > BEYOND * limit).mean() < RARE else 1.0
+
+
 def first_test(points: Floats, misfit: Floats, *, perspective: bool = False) -> Flags:
     """Which tracks pass: their misfit is not far above the others', nor large for the picture."""
     if not np.isfinite(misfit).any():
         return np.ones(len(points), dtype=bool)
-    of_extent, of_median = MISFIT_OF_EXTENT, MISFIT_OF_MEDIAN
-    if perspective:
-        of_extent, of_median = PERSPECTIVE_OF_EXTENT, PERSPECTIVE_OF_MEDIAN
-    limit = max(of_extent * extent(points), of_median * float(np.nanmedian(misfit)))
-    kept = np.asarray(~(misfit > limit))
+    limit = misfit_limit(points, misfit, perspective=perspective)
+    kept = np.asarray(~(misfit > spared(misfit, limit) * limit))
     return kept if kept.mean() > 1 - AT_MOST else np.ones(len(points), dtype=bool)
 
 
-def second_test(points: Floats, misfit: Floats, labels: Integers) -> Flags:
-    """Which of the complete tracks [P, F, 2] belong nowhere although they have a label (1, 2, ...).
+def second_test(points: Floats, misfit: Floats, labels: Integers, sparing: float) -> Flags:
+    """Which of the tracks [P, F, 2] belong nowhere although they have a label (1, 2, ...).
 
-    Over the whole track: the distance from the affine 3-flat (rank 4) that is fitted robustly to
-    the other tracks of the group, against the group's median.
+    Only complete tracks are judged: the distance from the affine 3-flat (rank 4) that is fitted
+    robustly to the other tracks of the group, against the group's median. ``sparing`` is that of ``spared``.
     """
     outside = np.zeros(len(points), dtype=bool)
+    complete = np.isfinite(points).all(axis=(1, 2))
     usual = float(np.median(misfit[labels > 0])) if (labels > 0).any() else 0.0
     for label in range(1, labels.max(initial=0) + 1):
-        members = np.flatnonzero(labels == label)
+        members = np.flatnonzero((labels == label) & complete)
         if len(members) < 6:
             continue
         vectors = points[members].reshape(len(members), -1)
@@ -122,7 +136,7 @@ def second_test(points: Floats, misfit: Floats, labels: Integers) -> Flags:
         relative = residual / max(float(np.median(residual)), 1e-12)
         product = misfit[members] / extent(points) * relative
         outside[members] = (
-            (product > SECOND_OF_EXTENT)
+            (product > sparing * SECOND_OF_EXTENT)
             & (relative > RESIDUALS_OF_MEDIAN)
             & (misfit[members] > SECOND_OF_MEDIAN * usual)
         )

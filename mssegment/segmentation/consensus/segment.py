@@ -52,6 +52,13 @@ def uses_consensus(method: str, model: str, frames: int) -> bool:
     return method == "consensus"
 
 
+def is_long(sets: Sequence[HypothesisSet]) -> bool:
+    """Whether all hypotheses are subspaces over so many frames that modes alone say too little."""
+    return all(
+        entry.model == "factorization" and len(entry.frames) >= AUTO_FRAMES for entry in sets
+    )
+
+
 def drawn_for_consensus(sets: Sequence[HypothesisSet]) -> bool:
     """Whether the sets are those of ``draw_consensus_sets``: evidence that is no motion model."""
     return any(entry.model in EVIDENCE and entry.model not in models.MODELS for entry in sets)
