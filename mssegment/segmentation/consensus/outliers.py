@@ -122,7 +122,8 @@ def second_test(points: Floats, misfit: Floats, labels: Integers, sparing: float
     """Which of the tracks [P, F, 2] belong nowhere although they have a label (1, 2, ...).
 
     Only complete tracks are judged: the distance from the affine 3-flat (rank 4) that is fitted
-    robustly to the other tracks of the group, against the group's median. ``sparing`` is that of ``spared``.
+    robustly to the other tracks of the group, against the group's median. ``sparing`` is what
+    ``spared`` gives.
     """
     outside = np.zeros(len(points), dtype=bool)
     complete = np.isfinite(points).all(axis=(1, 2))
