@@ -3,6 +3,7 @@ PYTHON ?= python3
 VENV ?= .venv
 BIN := $(VENV)/bin
 OUT ?= mssegment-out
+EXTRAS ?= dev
 
 .PHONY: help demo test lint docs pictures benchmarks clean
 .DEFAULT_GOAL := help
@@ -17,7 +18,7 @@ $(BIN)/mssegment: pyproject.toml
 	@touch $@
 
 $(VENV)/.dev: $(BIN)/mssegment
-	$(BIN)/python -m pip install --quiet --editable '.[dev]'
+	$(BIN)/python -m pip install --quiet --editable '.[$(EXTRAS)]'
 	@touch $@
 
 demo: $(BIN)/mssegment ## make the environment, segment the three sample scenes, say where the pictures are

@@ -11,7 +11,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import linear_sum_assignment
 
 from mssegment.records import BACKGROUND, IGNORED, NOT_JUDGED, OUTLIER, Floats, Integers
 
@@ -43,6 +42,9 @@ def is_counted(found: Integers, truth: Integers) -> np.ndarray[tuple[int], np.dt
 
 def match_labels(found: Integers, truth: Integers) -> dict[int, int]:
     """The best one-to-one matching of found motions to true ones, found label -> true label."""
+    # here, because nothing else of a report without labels needs scipy
+    from scipy.optimize import linear_sum_assignment
+
     found_motions, true_motions = np.unique(found[found > 0]), np.unique(truth[truth > 0])
     overlap = _overlap(found, truth, found_motions, true_motions)
     rows, columns = linear_sum_assignment(-overlap)

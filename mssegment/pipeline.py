@@ -144,7 +144,7 @@ def hypothesize(document: TracksDocument, configuration: Configuration) -> Hypot
 
     settings = configuration.hypothesize
     camera = camera_of(configuration.camera) or document.camera
-    points = _straight(document.tracks.points, camera)
+    points = straight(document.tracks.points, camera)
     background = find_background(
         points,
         frame_size=_size(document.frames),
@@ -165,6 +165,7 @@ def hypothesize(document: TracksDocument, configuration: Configuration) -> Hypot
             sampling=settings.sampling,
             eligible=eligible,
             rank=3 if settings.rank == "auto" else settings.rank,
+            derotate=configuration.camera.derotate,
             rng=rng,
         )
     return HypothesesDocument(
@@ -184,7 +185,7 @@ def cluster(
     from mssegment.segmentation import cluster as segment
 
     found = segment(
-        _straight(document.tracks.points, document.camera),
+        straight(document.tracks.points, document.camera),
         document.sets,
         camera=document.camera,
         status=document.status,
@@ -280,7 +281,7 @@ def run(
     return Result(source, corners, tracks, hypotheses, segmentation, timings)
 
 
-def _straight(points: Floats, camera: Camera | None) -> Floats:
+def straight(points: Floats, camera: Camera | None) -> Floats:
     """The points without lens distortion, which comes before anything else."""
     if camera is None or not camera.distortion:
         return points

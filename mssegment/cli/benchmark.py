@@ -52,8 +52,20 @@ DATA_SETS = ("adelaidermf", "hopkins155", "kt3dmoseg")
     help="Add so many outlier tracks, as a share of the tracks.",
 )
 @click.option("--single-groups", is_flag=True, help="Each true group alone, with one motion.")
-@click.option("--seeds", type=click.IntRange(min=1), default=3, show_default=True)
-@click.option("--jobs", type=click.IntRange(min=1), default=1, show_default=True)
+@click.option(
+    "--seeds",
+    type=click.IntRange(min=1),
+    default=3,
+    show_default=True,
+    help="Runs of each sequence, with the seeds 0, 1, ...",
+)
+@click.option(
+    "--jobs",
+    type=click.IntRange(min=1),
+    default=1,
+    show_default=True,
+    help="Processes at a time; the results do not depend on them.",
+)
 @click.option("--set", "assignments", multiple=True, metavar="KEY=VALUE", help="Set any key.")
 @voice_options
 def command(

@@ -15,6 +15,7 @@ import msgspec
 from mssegment.configuration import Configuration
 from mssegment.documents import SegmentationDocument, write_bytes
 from mssegment.errors import DataError, UsageError
+from mssegment.pipeline import straight
 from mssegment.rendering.report import Picture, Report, build_report, report_json
 from mssegment.truth import true_labels
 
@@ -66,6 +67,7 @@ class Results:
             segmentation=document.segmentation,
             pictures=_Pictures(document, source),
             truth=truth,
+            straight=straight(document.tracks.points, document.camera),
             history=[dataclasses.asdict(entry) for entry in document.history],
             configuration=msgspec.to_builtins(configuration),
         )
