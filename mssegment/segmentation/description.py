@@ -54,14 +54,14 @@ class Description:
         """Nats to state motion ``k``: each parameter to the precision that its inliers give.
 
         As many parameters as the residual has dimensions shift the whole body, by up to the extent
-        of the scene; the others change its shape and move its tracks by up to its own size.
+        of the scene; the others change its shape and move its tracks by up to its own diameter.
         """
         family, count = self.families[int(chosen.views[k])], int(inliers.sum())
         model, noise = family.view.model, family.noise
         if count < CONFIRMED * model.subset_size:
             return FORBIDDEN
         body = self.places[inliers]
-        size = float(np.sqrt(((body - body.mean(axis=0)) ** 2).sum(axis=1).mean()))
+        size = 2 * float(np.sqrt(((body - body.mean(axis=0)) ** 2).sum(axis=1).mean()))
         precision = float(np.log(chosen.scales[k])) - 0.5 * float(np.log(count)) + QUANTUM
         shift = max(noise.extent - precision, 0.0)
         shape = max(float(np.log(max(size, 1e-12))) - precision, 0.0)

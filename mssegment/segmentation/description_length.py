@@ -23,7 +23,7 @@ from mssegment.hypotheses import neighbour_space
 from mssegment.records import Integers
 from mssegment.segmentation.candidates import Candidates, Family, from_modes, join
 from mssegment.segmentation.description import Description
-from mssegment.segmentation.granularity import measurement_scales, parallax_of
+from mssegment.segmentation.granularity import parallax_of, scale_range
 from mssegment.segmentation.labelling import neighbour_labels
 from mssegment.segmentation.likelihood import Noise, uniform_cost
 from mssegment.segmentation.refinement import refine, refit_once
@@ -98,11 +98,12 @@ def make_families(problem: Problem, recipe: Recipe) -> tuple[list[Family], list[
     granularity = problem.granularity
     notes: list[str] = []
     outlier = uniform_cost(problem.points)
-    floor, cap = measurement_scales(problem.points)
     families = []
     for index, view in enumerate(problem.views):
         model = view.model
         free = model.free_extent(view.observed, view.hypotheses.coordinates)
+        predicts_points = free == 0
+        floor, cap = scale_range(problem.points, predicts_points)
         noise = Noise(
             model.residual_dimension,
             model.residual_terms,
@@ -110,7 +111,7 @@ def make_families(problem: Problem, recipe: Recipe) -> tuple[list[Family], list[
             cap,
             free,
             outlier,
-            parallax_of(problem.points, granularity, predicts_points=free == 0),
+            parallax_of(problem.points, granularity, predicts_points),
             recipe.freedom,
         )
         families.append(Family(index, view, noise))
@@ -157,9 +158,10 @@ def neighbouring_sets(
     chosen: Candidates, pool: Candidates, description: Description
 ) -> list[Candidates]:
     """The set itself, and all sets that one addition, removal, exchange or merger makes of it."""
-    sets = [chosen]
-    sets += [join([chosen, pool.take([k])]) for k in proposals(chosen, pool, PROPOSALS)]
     labels = description.labels(chosen)
+    sets = [chosen]
+    for k in proposals(chosen, pool, PROPOSALS):
+        sets += additions(chosen, labels, pool.take([k]), description)
     for j in range(len(chosen)):
         rest = chosen.take([k for k in range(len(chosen)) if k != j])
         sets.append(rest)
@@ -169,6 +171,26 @@ def neighbouring_sets(
         rest = chosen.take([k for k in range(len(chosen)) if k not in (a, b)])
         for family in description.families:
             sets += [join([rest, one]) for one in family.fitted(both[None], chosen.modes[[a]])]
+    return sets
+
+
+def additions(
+    chosen: Candidates, labels: Integers, new: Candidates, description: Description
+) -> list[Candidates]:
+    """The set with ``new``: as it is, and with the motion that loses most fitted to what is left.
+
+    A motion fitted to two bodies is too wide to let one of them go by itself.
+    """
+    sets = [join([chosen, new])]
+    family = description.families[int(new.views[0])]
+    taken = family.explained(new.residuals, new.scales)[0] > 0
+    losses = np.bincount(labels[taken], minlength=len(chosen) + 1)[1:]
+    if losses.any():
+        j = int(losses.argmax())
+        left = ((labels == j + 1) & ~taken).astype(np.float64)
+        rest = chosen.take([k for k in range(len(chosen)) if k != j])
+        loser = description.families[int(chosen.views[j])]
+        sets += [join([rest, new, one]) for one in loser.fitted(left[None], chosen.modes[[j]])]
     return sets
 
 

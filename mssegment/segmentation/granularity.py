@@ -14,17 +14,22 @@ import numpy as np
 from mssegment.records import Floats
 from mssegment.segmentation.selection import Granularity
 
-MEASUREMENT = (0.0008, 0.006)
-"""Floor and cap of the scale of measured points, over the diagonal of the box that holds them:
-0.6 to 5 pixels in 640 x 480."""
-PARALLAX = 0.025
+LEAST_SCALE = 1e-6
+"""Pixels; tracks that all lie in one place must not divide by zero."""
+SURFACE = (0.001, 0.006)
+"""Floor and cap of the scale of a motion that predicts points, over the diagonal of the box that
+holds them: 0.8 to 5 pixels in 640 x 480. No wall is quite flat."""
+EXACT = (0.0002, 0.006)
+"""The same for motions that leave parallax free: they need no more than the noise of corners."""
+PARALLAX = 0.03
 """Parallax inside a body that is noise, over its displacement."""
 
 
-def measurement_scales(points: Floats) -> tuple[float, float]:
-    """Least and largest scale of measured points, pixels, for the tracks [P, F, 2]."""
+def scale_range(points: Floats, predicts_points: bool) -> tuple[float, float]:
+    """Least and largest scale of a motion's residuals, pixels, for the tracks [P, F, 2]."""
     extent = float(np.hypot(*np.ptp(points.reshape(-1, 2), axis=0))) if len(points) else 1.0
-    return MEASUREMENT[0] * extent, MEASUREMENT[1] * extent
+    floor, cap = SURFACE if predicts_points else EXACT
+    return max(floor * extent, LEAST_SCALE), max(cap * extent, LEAST_SCALE)
 
 
 def parallax_of(points: Floats, granularity: Granularity, predicts_points: bool) -> Floats:
