@@ -17,6 +17,7 @@ from scipy.spatial import KDTree
 from mssegment import motions
 from mssegment.errors import DataError, UsageError
 from mssegment.motions import Flags, MotionModel
+from mssegment.motions.derotation import find_rotation
 from mssegment.records import Camera, Coordinates, Floats, HypothesisSet, Integers
 
 Count = int | Literal["auto"]
@@ -63,7 +64,7 @@ def hypothesize(
     sampling: Sampling = "local",
     eligible: Flags | None = None,
     rank: int = 3,
-    rotation: Floats | None = None,
+    derotate: bool | Literal["auto"] = "auto",
     rng: np.random.Generator,
 ) -> list[HypothesisSet]:
     """Motion hypotheses from elemental subsets of the tracks ``points`` [P, F, 2] (pixels).
@@ -71,7 +72,8 @@ def hypothesize(
     ``model`` is a name in ``motions.MODELS``, or ``auto``: affine and homography, one set each.
     ``count`` is the number of hypotheses per set, ``auto`` draws until the tracks find no better
     hypotheses. ``eligible`` [P] excludes tracks (background); incomplete tracks are in no subset.
-    ``rank`` is that of ``factorization``; ``rotation`` derotates the rays of ``translation``.
+    ``rank`` is that of ``factorization``; ``derotate`` takes the camera's rotation out before
+    ``translation``; ``auto`` where it explains the matches much better (``derotation``).
     Fewer hypotheses than asked for are returned where no more subsets are confirmed.
 
     Raises DataError where the tracks cannot make a hypothesis, UsageError for a wrong argument.
@@ -82,6 +84,10 @@ def hypothesize(
     complete = np.asarray(np.isfinite(points).all(axis=(1, 2)))
     usable = complete if eligible is None else complete & eligible
     frames = points.shape[1]
+    rotation = None
+    if derotate is not False and model == "translation" and camera is not None:
+        found = find_rotation(points[usable], camera)
+        rotation = None if found is None else found.rotation
     return [
         _sample(
             _scene(motions.make(n, frames=frames, rank=rank), points, usable, camera, rotation),

@@ -43,7 +43,7 @@ class Translation(MotionModel):
         focal = coordinates.scale * np.array([1.0, coordinates.aspect])
         observed = np.asarray((points - coordinates.centres) / focal)
         if coordinates.rotation is not None:
-            turned = _rays(observed[:, 1]) @ coordinates.rotation.T
+            turned = rays(observed[:, 1]) @ coordinates.rotation.T
             observed[:, 1] = turned[:, :2] / turned[:, 2:]
         return observed
 
@@ -64,15 +64,15 @@ class Translation(MotionModel):
         would raise the error is not taken.
         """
         points, sound = self.algebraic_fit(observed, weights)
-        direction, rows = points[..., 0], constraint_rows(observed)
+        direction = points[..., 0]
         damping = np.full(len(weights), 1e-3)
-        error, jacobian = _sampson(direction, observed, rows)
+        error, jacobian = sampson(direction, observed)
         cost = (weights * error**2).sum(axis=1)
         for _ in range(GAUSS_NEWTON_ROUNDS):
             step = _sphere_step(direction, weights, error, jacobian, damping)
             proposed = direction + step
             proposed /= np.linalg.norm(proposed, axis=1, keepdims=True)
-            new_error, new_jacobian = _sampson(proposed, observed, rows)
+            new_error, new_jacobian = sampson(proposed, observed)
             new_cost = (weights * new_error**2).sum(axis=1)
             better = new_cost < cost
             direction = np.where(better[:, None], proposed, direction)
@@ -125,8 +125,12 @@ def _gradient_square(directions: Floats, observed: Floats) -> Floats:
     return total
 
 
-def _sampson(directions: Floats, observed: Floats, rows: Floats) -> tuple[Floats, Floats]:
-    """Signed Sampson distances [B, P] and their derivatives by the direction [B, P, 3]."""
+def sampson(directions: Floats, observed: Floats) -> tuple[Floats, Floats]:
+    """Signed Sampson distances [B, P] and their derivatives by the unit directions [B, P, 3].
+
+    ``observed`` [P, 2, 2] and the distances are in normalised coordinates.
+    """
+    rows = constraint_rows(observed)
     square = np.maximum(_gradient_square(directions, observed), 1e-18)
     length = np.sqrt(square)
     error = directions @ rows.T / length
@@ -157,5 +161,6 @@ def _sphere_step(
     return np.asarray(-np.linalg.solve(normal, side)[..., 0])
 
 
-def _rays(observed: Floats) -> Floats:
+def rays(observed: Floats) -> Floats:
+    """Normalised coordinates [..., 2] as (x, y, 1)."""
     return np.concatenate([observed, np.ones((*observed.shape[:-1], 1))], axis=-1)

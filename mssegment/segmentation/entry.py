@@ -30,7 +30,7 @@ from mssegment.segmentation.selection import (
     View,
 )
 
-BANDWIDTH_CONSTANT = 0.5
+BANDWIDTH_CONSTANT = 1.0
 """Times the median distance to the (0.05 n)-th nearest hypothesis: the bandwidth ``auto``."""
 
 
