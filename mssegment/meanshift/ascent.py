@@ -23,8 +23,8 @@ from mssegment.records import Floats, Integers
 
 EVERY = 8
 """One trajectory in so many can be followed, besides those that already are."""
-NEAR = 0.3
-"""Shifts shorter than this many bandwidths are stretched."""
+NEAR = 0.05
+"""Shifts shorter than this many bandwidths are stretched; sooner, some would change their mode."""
 MOST_STRETCH = 100.0
 FEWEST_BLOCKS = 4
 """Fewer blocks than this are not worth handing to other threads."""
