@@ -16,16 +16,23 @@ from scipy.spatial.transform import Rotation
 from mssegment.motions.translation import Translation, rays, sampson
 from mssegment.records import Camera, Coordinates, Floats
 
-SCALES = (4.0, 1.0, 0.3)
+COARSE, FINE = 1.0, (0.3, 0.1)
 """Scales of the Cauchy loss, pixels, one fit after the other: from all matches to the static
-world."""
+world, which a good tracker sees to a tenth of a pixel."""
+SAMPLE = 400
+"""Matches that the coarse fits look at."""
+REFINED = 4
+"""Coarse fits that are refined: a turn and a shift sideways look alike, so there are several."""
 NEAR = 1.0
 """Pixels from the epipolar line within which a match fits."""
 LEAST_SHARE = 0.5
 """Share of the matches that the static world must explain: fewer could be a body's own motion."""
 LARGEST = 10.0
 """Degrees; a camera that turns more was not meant to translate."""
-STARTS = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0), (1.0, 0.0, 1.0), (-1.0, 0.0, 1.0))
+STARTS = tuple(
+    (x, y, z) for z in (0.0, 1.0) for x in (-1.0, 0.0, 1.0) for y in (-0.5, 0.0, 0.5) if x or z
+)
+"""Directions of translation to start from."""
 
 
 @dataclass(frozen=True)
@@ -52,10 +59,10 @@ def find_rotation(points: Floats, camera: Camera) -> Derotation | None:
     if len(points) < 8:
         return None
     observed = model.observe(points, coordinates)
-    still = [_fit(observed, coordinates, np.array([*t, 0.0, 0.0, 0.0]), turn=False) for t in STARTS]
-    best_still = min(still, key=lambda fit: fit[1])
-    turned = [_fit(observed, coordinates, start[0], turn=True) for start in still]
-    parameters, cost = min(turned, key=lambda fit: fit[1])
+    costs = {}
+    for turn in (False, True):
+        costs[turn] = min(_search(observed, coordinates, turn), key=lambda fit: fit[1])
+    parameters, cost = costs[True]
     residuals = np.abs(_residuals(parameters, observed, coordinates))
     found = Derotation(
         Rotation.from_rotvec(parameters[3:]).as_matrix(),
@@ -63,7 +70,7 @@ def find_rotation(points: Floats, camera: Camera) -> Derotation | None:
         float((residuals < NEAR).mean()),
     )
     # three more parameters must pay for themselves, in nats
-    pays = best_still[1] - cost > 1.5 * np.log(len(points))
+    pays = costs[False][1] - cost > 1.5 * np.log(len(points))
     return found if pays and found.share >= LEAST_SHARE and found.degrees < LARGEST else None
 
 
@@ -75,24 +82,35 @@ def _residuals(parameters: Floats, observed: Floats, coordinates: Coordinates) -
     return np.asarray(sampson(direction, both)[0][0] * coordinates.scale)
 
 
+def _search(observed: Floats, coordinates: Coordinates, turn: bool) -> list[tuple[Floats, float]]:
+    """The best of all starts, refined: parameters (t, rotation vector) and robust cost in nats."""
+    some = observed[:: max(1, len(observed) // SAMPLE)]
+    coarse = [
+        _fit(some, coordinates, np.array([*t, 0.0, 0.0, 0.0]), turn, COARSE, 12) for t in STARTS
+    ]
+    coarse.sort(key=lambda fit: fit[1])
+    refined = []
+    for parameters, _ in coarse[:REFINED]:
+        for scale in FINE:
+            parameters, cost = _fit(observed, coordinates, parameters, turn, scale, 30)
+        refined.append((parameters, cost))
+    return refined
+
+
 def _fit(
-    observed: Floats, coordinates: Coordinates, start: Floats, turn: bool
+    observed: Floats, coordinates: Coordinates, start: Floats, turn: bool, scale: float, limit: int
 ) -> tuple[Floats, float]:
-    """Parameters (t, rotation vector) and robust cost in nats, annealed over SCALES."""
+    """One robust fit: parameters (t, rotation vector) and cost over the squared scale (nats)."""
     free = 6 if turn else 3
-    parameters = start.copy()
-    cost = np.inf
 
     def residuals(x: Floats) -> Floats:
-        return _residuals(np.concatenate([x, parameters[free:]]), observed, coordinates)
+        return _residuals(np.concatenate([x, start[free:]]), observed, coordinates)
 
-    for scale in SCALES:
-        # the rotation is of the order of a pixel over the focal length
-        steps = np.array([1.0, 1.0, 1.0, 0.01, 0.01, 0.01])[:free]
-        found = least_squares(
-            residuals, parameters[:free], x_scale=steps, loss="cauchy", f_scale=scale, max_nfev=40
-        )
-        parameters = np.concatenate([found.x, parameters[free:]])
-        parameters[:3] /= np.linalg.norm(parameters[:3])
-        cost = float(found.cost) / scale**2
-    return parameters, cost
+    # the rotation is of the order of a pixel over the focal length
+    steps = np.array([1.0, 1.0, 1.0, 0.01, 0.01, 0.01])[:free]
+    found = least_squares(
+        residuals, start[:free], x_scale=steps, loss="cauchy", f_scale=scale, max_nfev=limit
+    )
+    parameters = np.concatenate([found.x, start[free:]])
+    parameters[:3] /= np.linalg.norm(parameters[:3])
+    return parameters, float(found.cost) / scale**2
