@@ -140,7 +140,12 @@ def hypothesize(document: TracksDocument, configuration: Configuration) -> Hypot
     """Stage 3: background, elemental subsets, and hypotheses on the manifold of the model."""
     from mssegment.hypotheses import hypothesize as draw
     from mssegment.segmentation.background import find_background
-    from mssegment.segmentation.consensus import draw_consensus_sets, uses_consensus
+    from mssegment.segmentation.clouds import draw_long_sets
+    from mssegment.segmentation.consensus import (
+        AUTO_FRAMES,
+        draw_consensus_sets,
+        uses_consensus,
+    )
 
     settings = configuration.hypothesize
     camera = camera_of(configuration.camera) or document.camera
@@ -155,6 +160,15 @@ def hypothesize(document: TracksDocument, configuration: Configuration) -> Hypot
     rng = _random("hypothesize", configuration)
     if uses_consensus(configuration.cluster.method, settings.model, points.shape[1]):
         sets = draw_consensus_sets(points, rng, eligible=eligible)
+    elif settings.model == "factorization" and points.shape[1] >= AUTO_FRAMES:
+        sets = draw_long_sets(
+            points,
+            count=settings.count,
+            sampling=settings.sampling,
+            eligible=eligible,
+            rank=settings.rank,
+            rng=rng,
+        )
     else:
         sets = draw(
             points,

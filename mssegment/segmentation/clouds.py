@@ -9,10 +9,13 @@ refined by hard expectation maximization and merged, the pair that costs least f
 from __future__ import annotations
 
 from itertools import combinations
+from typing import Literal
 
 import numpy as np
 
-from mssegment.records import Floats, Integers
+from mssegment.hypotheses import hypothesize
+from mssegment.motions import Flags
+from mssegment.records import Floats, HypothesisSet, Integers
 from mssegment.segmentation.consensus.bodies import (
     FEWEST,
     Cloud,
@@ -23,6 +26,8 @@ from mssegment.segmentation.consensus.bodies import (
 from mssegment.segmentation.consensus.outliers import leave_one_out_residuals
 from mssegment.segmentation.selection import Choice, Chosen, Problem, View
 
+HYPOTHESES = 200
+"""Hypotheses of each rank: more change nothing, since they only start the search."""
 STARTS = 14
 """Modes of one set that the search starts from, those with most hypotheses."""
 ROUNDS = 12
@@ -33,6 +38,36 @@ OUTLYING = 20.0
 PLANAR = 1.25
 """A body is planar if rank 3 leaves at most so many times the residual of rank 4."""
 MOST_MOTIONS = 8
+
+
+def draw_long_sets(
+    points: Floats,
+    *,
+    count: int | Literal["auto"],
+    sampling: Literal["local", "uniform"],
+    eligible: Flags,
+    rank: int | Literal["auto"],
+    rng: np.random.Generator,
+) -> list[HypothesisSet]:
+    """One set of hypotheses per rank (3 planar, 4 general; ``auto``: both), as ``hypothesize``.
+
+    ``count`` is per set; ``auto`` means HYPOTHESES.
+    """
+    ranks = (3, 4) if rank == "auto" else (rank,)
+    wanted = HYPOTHESES if count == "auto" else count
+    return [
+        entry
+        for own in ranks
+        for entry in hypothesize(
+            points,
+            model="factorization",
+            count=wanted,
+            sampling=sampling,
+            eligible=eligible,
+            rank=own,
+            rng=rng,
+        )
+    ]
 
 
 def clouds(problem: Problem) -> Choice:
@@ -128,7 +163,7 @@ def _count(problem: Problem, components: Floats, best: dict[int, Integers]) -> i
     return groups
 
 
-def _chosen(problem: Problem, members: np.ndarray[tuple[int], np.dtype[np.bool_]]) -> Chosen:
+def _chosen(problem: Problem, members: Flags) -> Chosen:
     """The motion of a group: the lowest rank that explains it, without the group's outliers."""
     vectors = problem.points[members].reshape(int(members.sum()), -1)
     inliers = members.copy()
@@ -145,7 +180,7 @@ def _chosen(problem: Problem, members: np.ndarray[tuple[int], np.dtype[np.bool_]
     return Chosen(index, point, inliers, None, rms)
 
 
-def _fit(view: View, inliers: np.ndarray[tuple[int], np.dtype[np.bool_]]) -> tuple[Floats, float]:
+def _fit(view: View, inliers: Flags) -> tuple[Floats, float]:
     points, sound = view.fit(inliers[None].astype(np.float64))
     if not sound[0]:
         return points[0], np.inf

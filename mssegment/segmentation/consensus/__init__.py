@@ -7,6 +7,7 @@
 from mssegment.segmentation.consensus.clustering import Consensus, cluster_by_consensus
 from mssegment.segmentation.consensus.drawing import draw_consensus_sets
 from mssegment.segmentation.consensus.segment import (
+    AUTO_FRAMES,
     drawn_for_consensus,
     is_long,
     segment_by_consensus,
@@ -14,6 +15,7 @@ from mssegment.segmentation.consensus.segment import (
 )
 
 __all__ = [
+    "AUTO_FRAMES",
     "Consensus",
     "cluster_by_consensus",
     "draw_consensus_sets",
