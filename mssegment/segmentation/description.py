@@ -44,11 +44,19 @@ class Description:
 
     def saved(self, chosen: Candidates) -> float:
         """Nats that the motions ``chosen`` save altogether; less than nothing where forbidden."""
+        labels, _ = frequency_labels(chosen.gains, self.label_cost)
+        count = np.bincount(labels, minlength=len(chosen) + 1)[1:]
+        least = [CONFIRMED * self.families[int(v)].view.model.subset_size for v in chosen.views]
+        forbidden = float((count < least).sum())
+        # a motion that wins no track is none, whatever the user asked for
+        motions = int((count > 0).sum())
+        violation = max(self.fewest - motions, len(chosen) - self.most, 0.0)
+        return self.worth(chosen) - FORBIDDEN * (forbidden + 1e3 * violation)
+
+    def worth(self, chosen: Candidates) -> float:
+        """Nats that the motions ``chosen`` save, allowed or not."""
         labels, value = frequency_labels(chosen.gains, self.label_cost)
-        for k in range(len(chosen)):
-            value -= self._price(chosen, k, labels == k + 1)
-        violation = max(self.fewest - len(chosen), len(chosen) - self.most, 0.0)
-        return value - 1e3 * FORBIDDEN * violation
+        return value - sum(self._price(chosen, k, labels == k + 1) for k in range(len(chosen)))
 
     def _price(self, chosen: Candidates, k: int, inliers: Integers) -> float:
         """Nats to state motion ``k``: each parameter to the precision that its inliers give.
@@ -58,8 +66,8 @@ class Description:
         """
         family, count = self.families[int(chosen.views[k])], int(inliers.sum())
         model, noise = family.view.model, family.noise
-        if count < CONFIRMED * model.subset_size:
-            return FORBIDDEN
+        if not count:
+            return 0.0
         body = self.places[inliers]
         size = 2 * float(np.sqrt(((body - body.mean(axis=0)) ** 2).sum(axis=1).mean()))
         precision = float(np.log(chosen.scales[k])) - 0.5 * float(np.log(count)) + QUANTUM

@@ -14,7 +14,7 @@ the dimension of its residual, its residual, its fit and the extent it leaves fr
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
@@ -77,7 +77,10 @@ def mdl(problem: Problem, recipe: Recipe = STANDARD) -> Choice:
     if recipe.moves:
         best = improve(best, pool, description)
     labels, best = settle(problem, best, description, recipe.neighbours)
-    return Choice(tuple(motions_of(best, labels, description)), tuple(notes))
+    found = motions_of(best, labels, description)
+    if len(found) < description.fewest:
+        notes.append(f"{description.fewest} motions were wanted, but the tracks hold {len(found)}")
+    return Choice(tuple(found), tuple(notes))
 
 
 def describe_tracks(problem: Problem, families: Sequence[Family], recipe: Recipe) -> Description:
@@ -229,8 +232,7 @@ def settle(
 
 def motions_of(chosen: Candidates, labels: Integers, description: Description) -> list[Chosen]:
     """The motions as the rest of the house knows them."""
-    description = replace(description, fewest=0, most=np.inf)
-    total = description.saved(chosen)
+    total = description.worth(chosen)
     found = []
     for k in range(len(chosen)):
         inliers = labels == k + 1
@@ -245,7 +247,7 @@ def motions_of(chosen: Candidates, labels: Integers, description: Description) -
                 inliers=inliers,
                 mode=int(chosen.modes[k]),
                 scale=noise.deviation(chosen.residuals[k][inliers]),
-                cost_saved=total - description.saved(rest),
+                cost_saved=total - description.worth(rest),
             )
         )
     return found

@@ -1,0 +1,209 @@
+"""Selection by description length: laws of the description, and what it finds."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from mssegment.datasets.adelaidermf import read
+from mssegment.errors import DataError
+from mssegment.evaluation import misclassification
+from mssegment.hypotheses import hypothesize
+from mssegment.records import Floats, Integers, Segmentation
+from mssegment.segmentation import cluster
+from mssegment.segmentation.labelling import frequency_labels, neighbour_labels
+from mssegment.segmentation.likelihood import Noise, uniform_cost
+
+NOISE = Noise(
+    dimension=2, terms=1, floor=0.5, cap=5.0, free=0.0, outlier=12.0, parallax=np.zeros(40)
+)
+
+
+def two_bodies(
+    seed: int, sizes: tuple[int, ...] = (40, 30), outliers: int = 30
+) -> tuple[Floats, Integers]:
+    """Bodies side by side that move differently, noise 0.5 px, uniform mismatches, 640 x 480."""
+    rng = np.random.default_rng(seed)
+    tracks, labels = [], []
+    for j, size in enumerate(sizes):
+        first = rng.uniform([200 * j + 20, 100], [200 * j + 170, 300], (size, 2))
+        linear = np.eye(2) + rng.normal(0, 0.05, (2, 2))
+        second = (first - first.mean(0)) @ linear.T + first.mean(0) + [60 - 90 * j, 40 * j - 20]
+        tracks.append(np.stack([first, second + rng.normal(0, 0.5, second.shape)], axis=1))
+        labels += [j + 1] * size
+    tracks.append(rng.uniform([0, 0], [640, 480], (outliers, 2, 2)))
+    return np.concatenate(tracks), np.array(labels + [0] * outliers)
+
+
+def segment(points: Floats, model: str = "affine", **options: object) -> Segmentation:
+    sets = hypothesize(points, model=model, count=300, rng=np.random.default_rng(5))
+    return cluster(points, sets, rng=np.random.default_rng(6), **options)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_bodies_are_found_and_counted(seed: int) -> None:
+    points, labels = two_bodies(seed)
+    found = segment(points)
+    assert len(found.motions) == 2
+    assert misclassification(found.labels, labels) <= 0.03
+    assert all(motion.cost_saved is not None and motion.cost_saved > 0 for motion in found.motions)
+
+
+def test_one_body_stays_one_however_dense_its_matches() -> None:
+    points, _ = two_bodies(1, sizes=(400,), outliers=100)
+    assert len(segment(points).motions) == 1
+
+
+def test_mismatches_alone_are_no_motion() -> None:
+    points = np.random.default_rng(3).uniform([0, 0], [640, 480], (120, 2, 2))
+    points[:3] = [[[100, 100], [110, 100]], [[120, 100], [130, 100]], [[100, 120], [110, 120]]]
+    try:
+        found = segment(points)
+    except DataError:  # no hypothesis is confirmed, which is also an answer
+        return
+    assert not found.motions
+
+
+@pytest.mark.parametrize("wanted", [1, 2])
+def test_a_given_number_of_motions_is_kept(wanted: int) -> None:
+    points, _ = two_bodies(2)
+    assert len(segment(points, motions=wanted).motions) == wanted
+
+
+def test_a_motion_too_small_to_pay_is_found_when_it_is_asked_for() -> None:
+    points, _ = two_bodies(2, sizes=(60, 5))
+    assert len(segment(points).motions) == 1
+    assert len(segment(points, min_motions=2).motions) == 2
+
+
+def test_motions_that_are_not_there_are_not_made_up() -> None:
+    points, _ = two_bodies(2, sizes=(60,), outliers=0)
+    found = segment(points, motions=3)
+    assert len(found.motions) == 3 or any("were wanted" in note for note in found.notes)
+
+
+def test_a_larger_picture_gives_the_same_labels() -> None:
+    points, _ = two_bodies(4)
+    np.testing.assert_array_equal(segment(points).labels, segment(3.0 * points).labels)
+
+
+def test_same_seed_same_result() -> None:
+    points, _ = two_bodies(5)
+    first, second = segment(points), segment(points)
+    np.testing.assert_array_equal(first.labels, second.labels)
+    for one, other in zip(first.motions, second.motions, strict=True):
+        assert one.parameters.tobytes() == other.parameters.tobytes()
+
+
+def test_labels_and_inliers_agree() -> None:
+    points, _ = two_bodies(6)
+    found = segment(points)
+    for motion in found.motions:
+        np.testing.assert_array_equal(np.flatnonzero(found.labels == motion.label), motion.inliers)
+
+
+@settings(max_examples=40, deadline=None)
+@given(st.integers(0, 2**32 - 1), st.integers(0, 4), st.integers(1, 40))
+def test_labels_save_at_least_as_much_as_none(seed: int, motions: int, tracks: int) -> None:
+    rng = np.random.default_rng(seed)
+    gains = rng.normal(-2, 6, (motions, tracks))
+    labels, saved = frequency_labels(gains)
+    assert labels.shape == (tracks,)
+    assert labels.min(initial=0) >= 0
+    assert labels.max(initial=0) <= motions
+    # the code of the labels never saves anything
+    assert saved <= np.maximum(gains.max(axis=0, initial=0.0), 0.0).sum() + 1e-9
+    near = neighbour_labels(gains, rng.uniform(0, 10, (tracks, 2)))
+    assert near.shape == (tracks,)
+
+
+def test_splitting_a_label_in_two_costs_an_amount_per_track() -> None:
+    whole = np.full((1, 100), 5.0)
+    halves = np.where(np.arange(100) < 50, [[5.0], [-5.0]], [[-5.0], [5.0]])
+    lost = frequency_labels(whole)[1] - frequency_labels(halves)[1]
+    assert lost == pytest.approx(100 * np.log(2.0))
+
+
+def test_neighbours_decide_between_equal_motions() -> None:
+    places = np.stack([np.arange(40.0), np.zeros(40)], axis=1)
+    gains = np.where(np.arange(40) < 20, [[6.0], [3.0]], [[3.0], [6.0]])
+    gains[:, [5, 30]] = 5.0
+    labels = neighbour_labels(gains, places)
+    assert labels[5] == 1
+    assert labels[30] == 2
+
+
+def test_gains_are_densities() -> None:
+    """exp(gain - outlier) integrates to one over the plane of residuals."""
+    radius = np.linspace(0, 4000, 4_000_001)
+    for freedom in (2.5, np.inf):
+        gains = replace(NOISE, freedom=freedom).gains(radius[None], np.array([1.3]))[0]
+        ring = np.exp(gains - NOISE.outlier) * 2 * np.pi * radius
+        assert np.trapezoid(ring, radius) == pytest.approx(1.0, abs=1e-3)
+
+
+def test_the_scale_is_the_most_likely_one(rng: np.random.Generator) -> None:
+    residuals = np.abs(rng.standard_t(3, (1, 40))) * 1.2
+    inliers = np.ones((1, 40))
+    noise = replace(NOISE, floor=1e-3, cap=1e3)
+    scale = noise.scales(residuals, inliers)
+    for _ in range(20):
+        scale = noise.scales(residuals, inliers, scale)
+    best = noise.gains(residuals, scale).sum()
+    for factor in (0.97, 1.03):
+        assert noise.gains(residuals, scale * factor).sum() < best
+
+
+def test_a_common_scale_changes_no_gain(rng: np.random.Generator) -> None:
+    points = rng.uniform(0, 500, (40, 2, 2))
+    for factor in (0.5, 4.0):
+        small = replace(NOISE, outlier=uniform_cost(points))
+        large = replace(NOISE, outlier=uniform_cost(factor * points))
+        residuals = rng.uniform(0, 9, (3, 40))
+        np.testing.assert_allclose(
+            small.gains(residuals, np.ones(3)), large.gains(factor * residuals, np.full(3, factor))
+        )
+
+
+def pair(folder: Path, name: str) -> tuple[Floats, Integers]:
+    imported = read(folder / "adelaidermf" / f"{name}.mat")
+    assert imported.tracks.labels is not None
+    return imported.tracks.points, imported.tracks.labels
+
+
+@pytest.mark.parametrize("name", ["motion/cubetoy", "motion/toycubecar", "motion/book"])
+def test_objects_of_real_pairs(data_folder: Path, name: str) -> None:
+    points, labels = pair(data_folder, name)
+    found = segment(points)
+    assert len(found.motions) == labels.max()
+    assert misclassification(found.labels, labels) <= 0.02
+
+
+def test_surfaces_of_a_real_pair(data_folder: Path) -> None:
+    points, labels = pair(data_folder, "plane/oldclassicswing")
+    found = segment(points, model="homography", granularity="surface")
+    assert len(found.motions) == labels.max()
+    assert misclassification(found.labels, labels) <= 0.02
+
+
+def test_the_order_of_the_matches_does_not_matter(data_folder: Path) -> None:
+    points, labels = pair(data_folder, "motion/biscuitbookbox")
+    for seed in range(2):
+        order = np.random.default_rng(seed).permutation(len(points))
+        found = segment(points[order])
+        assert len(found.motions) == 3
+        assert misclassification(found.labels, labels[order]) <= 0.01
+
+
+def test_mismatches_added_stay_outliers(data_folder: Path) -> None:
+    points, labels = pair(data_folder, "motion/cubetoy")
+    added = np.random.default_rng(0).uniform([0, 0], [640, 480], (2 * len(points), 2, 2))
+    found = segment(np.concatenate([points, added]))
+    assert len(found.motions) == 2
+    truth = np.concatenate([labels, np.zeros(len(added), dtype=np.int64)])
+    assert misclassification(found.labels, truth) <= 0.02
