@@ -28,6 +28,8 @@ LEAST_SHARE = 0.15
 give many tracks and a plain wall few; where the still ones lie says more."""
 LEAST_CELLS = 0.4
 """Share of the occupied cells of the grid that hold one of them, at least."""
+LEAST_FRAMES = 0.9
+"""Share of its frames in which background is where it began: over many frames a tracker slips."""
 GRID = 8
 SAMPLE = 500
 """Displacements that the mean shift looks at."""
@@ -50,65 +52,74 @@ def find_background(
 ) -> Background:
     """Which of the tracks [P, F, 2] (pixels, NaN where not seen) are background.
 
-    A track is background where it stays within ``min_displacement`` pixels of where it started,
-    in every frame, after the shake of the camera (the most common small displacement of each frame)
-    is taken away. ``remove`` says whether to look; ``auto`` looks where the camera
-    is static. ``frame_size`` is (width, height).
+    A track is background where it stays within ``min_displacement`` pixels of where it began, in
+    (nearly) every frame, after the sway of the camera is taken away. ``remove`` says whether to
+    look; ``auto`` looks where the camera is static. ``frame_size`` is (width, height).
     """
     status = np.full(len(points), OUTLIER, dtype=np.int64)
     if remove is False or len(points) == 0:
         return Background(status)
-    displacement = displacements(points)
-    shake = _shake(displacement, STILL * float(np.hypot(*frame_size)))
+    path = camera_path(points, STILL * float(np.hypot(*frame_size)))
+    distance = distances(points, path)
     if remove == "auto":
-        static, reason = is_static(points, displacement, shake, frame_size)
+        static, reason = is_static(points, distance, frame_size)
         if not static:
             return Background(status, (f"the camera moves ({reason}): no background removed",))
-    distance = np.linalg.norm(displacement - shake, axis=-1)
-    seen_again = np.isfinite(distance).sum(axis=1) > 1
-    still = seen_again & ~(distance >= min_displacement).any(axis=1)
+    seen = np.isfinite(distance).sum(axis=1)
+    near = (distance < min_displacement).sum(axis=1)
+    still = np.asarray((seen > 1) & (near >= np.ceil(LEAST_FRAMES * seen)))
     status[still] = BACKGROUND
     note = f"background: {int(still.sum())} of {len(points)} tracks stand still"
     return Background(status, (note,))
 
 
-def displacements(points: Floats) -> Floats:
-    """Of each track in each frame from where it was first seen, pixels [P, F, 2]."""
+def camera_path(points: Floats, largest: float) -> Floats:
+    """How the picture of what stands still sways, pixels [F, 2] from the first frame.
+
+    In each frame the densest displacement, up to ``largest`` pixels, of the tracks that are seen
+    in it and began earlier, each from where it began.
+    """
     seen = np.isfinite(points).all(axis=2)
     first = seen.argmax(axis=1)
-    return np.asarray(points - points[np.arange(len(points)), first][:, None])
+    path = np.zeros(points.shape[1:])
+    for frame in range(1, len(path)):
+        older = np.flatnonzero(seen[:, frame] & (first < frame))
+        if not len(older):
+            path[frame] = path[frame - 1]
+            continue
+        sample = older[np.linspace(0, len(older) - 1, min(len(older), SAMPLE)).astype(int)]
+        moved = points[sample, frame] - points[sample, first[sample]] + path[first[sample]]
+        modes = MeanShift("euclidean(2)", BANDWIDTH).fit(moved).modes_
+        small = modes[np.linalg.norm(modes, axis=1) < largest]
+        path[frame] = small[0] if len(small) else path[frame - 1]
+    return path
 
 
-def is_static(
-    points: Floats, displacement: Floats, shake: Floats, frame_size: Sequence[int]
-) -> tuple[bool, str]:
+def distances(points: Floats, path: Floats) -> Floats:
+    """How far each track is in each frame from where it began, sway aside, pixels [P, F]."""
+    steady = points - path
+    first = np.isfinite(points).all(axis=2).argmax(axis=1)
+    start = steady[np.arange(len(points)), first]
+    return np.asarray(np.linalg.norm(steady - start[:, None], axis=-1))
+
+
+def is_static(points: Floats, distance: Floats, frame_size: Sequence[int]) -> tuple[bool, str]:
     """Whether the camera stands still, judged in the frame that speaks most against it; why not."""
     for frame in range(1, points.shape[1]):
-        seen = np.isfinite(displacement[:, frame]).all(axis=1)
+        # a track that begins here says nothing about the camera
+        seen = np.isfinite(distance[:, frame]) & np.isfinite(distance[:, :frame]).any(axis=1)
         if not seen.any():
             continue
-        gap = np.linalg.norm(displacement[seen, frame] - shake[frame], axis=1)
-        share = float((gap < NEAR).mean())
-        if share < LEAST_SHARE:
-            return False, f"only {share:.0%} of the tracks stand still until frame {frame + 1}"
-        filled = _cells_filled(points[seen, frame], gap < NEAR, frame_size)
+        near = np.asarray(distance[seen, frame] < NEAR)
+        if near.mean() < LEAST_SHARE:
+            return (
+                False,
+                f"only {near.mean():.0%} of the tracks stand still until frame {frame + 1}",
+            )
+        filled = _cells_filled(points[seen, frame], near, frame_size)
         if filled < LEAST_CELLS:
             return False, f"what stands still fills only {filled:.0%} of the picture"
     return True, ""
-
-
-def _shake(displacement: Floats, largest: float) -> Floats:
-    """The densest displacement of each frame among those up to ``largest`` pixels, [F, 2]."""
-    shake = np.zeros(displacement.shape[1:])
-    for frame in range(1, len(shake)):
-        moved = displacement[:, frame]
-        moved = moved[np.isfinite(moved).all(axis=1)]
-        if len(moved):
-            sample = moved[np.linspace(0, len(moved) - 1, min(len(moved), SAMPLE)).astype(int)]
-            modes = MeanShift("euclidean(2)", BANDWIDTH).fit(sample).modes_
-            small = modes[np.linalg.norm(modes, axis=1) < largest]
-            shake[frame] = small[0] if len(small) else 0.0
-    return shake
 
 
 def _cells_filled(points: Floats, still: Flags, frame_size: Sequence[int]) -> float:
