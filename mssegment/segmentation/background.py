@@ -79,7 +79,7 @@ def camera_path(points: Floats, largest: float) -> Floats:
     In each frame the densest displacement, up to ``largest`` pixels, of the tracks that are seen
     in it and began earlier, each from where it began.
     """
-    seen = np.isfinite(points).all(axis=2)
+    seen = np.asarray(np.isfinite(points).all(axis=2))
     first = seen.argmax(axis=1)
     path = np.zeros(points.shape[1:])
     for frame in range(1, len(path)):
