@@ -157,6 +157,9 @@ def hypothesize(document: TracksDocument, configuration: Configuration) -> Hypot
         min_displacement=configuration.background.min_displacement,
     )
     eligible = background.status == 0
+    derotate = configuration.camera.derotate
+    if derotate == "auto" and background.found:
+        derotate = False  # a camera that stands still does not turn
     rng = _random("hypothesize", configuration)
     if uses_consensus(configuration.cluster.method, settings.model, points.shape[1]):
         sets = draw_consensus_sets(points, rng, eligible=eligible)
@@ -179,7 +182,7 @@ def hypothesize(document: TracksDocument, configuration: Configuration) -> Hypot
             sampling=settings.sampling,
             eligible=eligible,
             rank=3 if settings.rank == "auto" else settings.rank,
-            derotate=configuration.camera.derotate,
+            derotate=derotate,
             rng=rng,
         )
     return HypothesesDocument(

@@ -42,6 +42,11 @@ class Background:
     status: Integers
     notes: tuple[str, ...] = ()
 
+    @property
+    def found(self) -> bool:
+        """Whether something stands still, so that the camera does too."""
+        return bool((self.status == BACKGROUND).any())
+
 
 def find_background(
     points: Floats,
