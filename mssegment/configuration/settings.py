@@ -142,7 +142,8 @@ class ClusterSettings(Section, frozen=True):
         Meta(description="Bandwidth h of the kernel; auto: by nearest neighbours."),
     ] = "auto"
     kernel: Annotated[
-        Literal["gaussian", "epanechnikov"], Meta(description="Profile of the kernel.")
+        Literal["gaussian", "truncated", "epanechnikov"],
+        Meta(description="Profile of the kernel; truncated: a Gaussian cut off at 3 h."),
     ] = "gaussian"
 
 

@@ -34,8 +34,8 @@ def result_table(report: Report) -> Table:
     """What a person wants first: per motion its inliers, hypotheses, density and residual."""
     header = ["motion", "inliers", "hypotheses", "kde", "rms px"]
     with_truth = report.evaluation is not None
-    if with_truth:
-        header.append("true motion")
+    with_model = len({chosen.model for chosen in report.sets}) > 1
+    header += ["model"] * with_model + ["true motion"] * with_truth
     rows = []
     for motion in report.motions:
         modes = report.modes_of(motion.label)
@@ -46,6 +46,8 @@ def result_table(report: Report) -> Table:
             density(modes[0].kde if modes else None),
             fixed(motion.rms, 2),
         ]
+        if with_model:
+            row.append(motion.model)
         if with_truth:
             true = report.true_motion(motion.label)
             row.append("-" if true is None else str(true))
