@@ -77,7 +77,7 @@ def test_one_path_may_stand_for_a_list() -> None:
         ("cluster:\n  bandwidth: -1\n", ":2:3: cluster.bandwidth is -1, auto|NUMBER was expected"),
         ("cluster: {bandwidth: .nan}\n", "cluster.bandwidth is nan"),
         ("cluster: {bandwidth: .inf}\n", "cluster.bandwidth is inf"),
-        ("cluster: {kernel: round}\n", "gaussian|epanechnikov was expected"),
+        ("cluster: {kernel: round}\n", "gaussian|truncated|epanechnikov was expected"),
         ("hypothesize: {model: afine}\n", "hypothesize.model is 'afine'"),
         ("hypothesize: {count: 0}\n", "hypothesize.count is 0"),
         ("seed: x\n", ":1:1: seed is 'x', INTEGER was expected"),
