@@ -38,26 +38,45 @@ class Affine(MotionModel):
         return self._checked(linear, shift, sound)
 
     def fit(self, observed: Floats, weights: Floats) -> tuple[Floats, Flags]:
-        """Weighted least squares of the transfer error, about the weighted centroids."""
-        total = weights.sum(axis=1)
-        share = weights / np.where(total > 0, total, 1.0)[:, None]
-        mean1, mean2 = share @ observed[:, 0], share @ observed[:, 1]
-        d1 = observed[None, :, 0] - mean1[:, None]
-        d2 = observed[None, :, 1] - mean2[:, None]
-        scatter = np.einsum("bp,bpi,bpj->bij", share, d1, d1)
-        cross = np.einsum("bp,bpi,bpj->bij", share, d2, d1)
+        """Weighted least squares of the transfer error, from the weighted moments of the tracks.
+
+        All motions take their moments from one matrix product. Coordinates have the size of one, so
+        that moments about the origin lose no digit that matters against those about a centroid.
+        """
+        origin = observed.mean(axis=0) if len(observed) else np.zeros((2, 2))
+        x = (observed - origin).reshape(-1, 4)
+        products = x[:, :2, None] * x[:, None, :]
+        features = np.concatenate([x, products.reshape(-1, 8), np.ones((len(x), 1))], axis=1)
+        moments = weights @ features
+        total = moments[:, 12]
+        moments = moments[:, :12] / np.where(total > 0, total, 1.0)[:, None]
+        mean1, mean2 = moments[:, :2], moments[:, 2:4]
+        second = moments[:, 4:].reshape(-1, 2, 4)
+        central = second - mean1[:, :, None] * moments[:, None, :4]
+        scatter, cross = central[:, :, :2], central[:, :, 2:]
         spread = np.linalg.eigvalsh(scatter)
-        sound = (total > 0) & (spread[:, 0] > 1e-6 * np.maximum(spread[:, 1], 1e-12))
+        rounding = 1e-14 * np.trace(second[:, :, :2], axis1=1, axis2=2)
+        least = np.maximum(1e-6 * np.maximum(spread[:, 1], 1e-12), rounding)
+        sound = (total > 0) & (spread[:, 0] > least)
         scatter = np.where(sound[:, None, None], scatter, np.eye(2))
-        linear = np.swapaxes(np.linalg.solve(scatter, np.swapaxes(cross, 1, 2)), 1, 2)
-        shift = mean2 - np.einsum("bij,bj->bi", linear, mean1)
+        linear = np.swapaxes(np.linalg.solve(scatter, cross), 1, 2)
+        middle1, middle2 = mean1 + origin[0], mean2 + origin[1]
+        shift = middle2 - np.einsum("bij,bj->bi", linear, middle1)
         return self._checked(linear, shift, sound)
 
     def residuals(self, points: Floats, observed: Floats, coordinates: Coordinates) -> Floats:
         """Transfer error in view 2, pixels [B, P]."""
-        predicted = observed[:, 0] @ np.swapaxes(points[:, :2, :2], 1, 2) + points[:, None, :2, 2]
-        gap = predicted - observed[:, 1]
-        return np.asarray(np.hypot(gap[..., 0], gap[..., 1]) * coordinates.scale)
+        place = np.concatenate([observed[:, 0], np.ones((len(observed), 1))], axis=1).T
+        across: Floats = points[:, 0] @ place
+        across -= observed[:, 1, 0]
+        down: Floats = points[:, 1] @ place
+        down -= observed[:, 1, 1]
+        across *= across
+        down *= down
+        across += down
+        np.sqrt(across, out=across)
+        across *= coordinates.scale
+        return across
 
     def algebraic_residuals(
         self, points: Floats, observed: Floats, coordinates: Coordinates

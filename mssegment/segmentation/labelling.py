@@ -9,7 +9,9 @@ assigned at last, where two motions explain a track about equally well.
 from __future__ import annotations
 
 import numpy as np
+from scipy.spatial import KDTree
 
+from mssegment.motions import Flags
 from mssegment.records import Floats, Integers
 
 TURNS = 12
@@ -49,13 +51,14 @@ def neighbour_labels(gains: Floats, space: Floats) -> Integers:
     labels, _ = frequency_labels(gains)
     if motions < 2:
         return labels
-    nearest = _by_distance(space)
+    before, known = None, labels
     for _ in range(TURNS):
         assigned = labels > 0
+        if before is None or (assigned != before).any():
+            before, known = assigned, _nearest_assigned(space, assigned, NEIGHBOURS)
         price = np.empty_like(table)
         count = np.array([(~assigned).sum(), assigned.sum()])
         price[0], price[1:] = _log_share(count)[:, None]
-        known = _first(nearest, assigned, NEIGHBOURS)
         votes = (labels[known][None] == np.arange(1, motions + 1)[:, None, None]).sum(axis=2)
         price[1:] += np.log((votes + PRIOR) / (known.shape[1] + PRIOR * motions))
         again = (table + price).argmax(axis=0)
@@ -73,16 +76,17 @@ def _log_share(count: Integers) -> Floats:
     return np.asarray(np.log((count + PRIOR) / (count.sum() + PRIOR * len(count))))
 
 
-def _by_distance(space: Floats) -> Integers:
-    """All other tracks of each track, nearest first, [P, P - 1]."""
-    square = (space**2).sum(axis=1)
-    distance = square[:, None] + square - 2 * space @ space.T
-    np.fill_diagonal(distance, np.inf)
-    return np.argsort(distance, axis=1, kind="stable")[:, :-1]
+def _nearest_assigned(space: Floats, assigned: Flags, count: int) -> Integers:
+    """The ``count`` assigned tracks nearest to each track, itself left out, [P, count].
 
-
-def _first(nearest: Integers, allowed: np.ndarray, count: int) -> Integers:
-    """The first ``count`` allowed columns of each row, or as many as every row has."""
-    count = min(count, int(allowed.sum()) - 1)
-    place = np.argsort(~allowed[nearest], axis=1, kind="stable")[:, : max(count, 0)]
-    return np.take_along_axis(nearest, place, axis=1)
+    Fewer where fewer are assigned. A tree of them costs P log P, and no array of all pairs.
+    """
+    others = np.flatnonzero(assigned)
+    count = min(count, len(others) - 1)
+    if count < 1:
+        return np.zeros((len(space), 0), dtype=np.int64)
+    _, place = KDTree(space[others]).query(space, k=count + 1)
+    found = others[place]
+    itself = found == np.arange(len(space))[:, None]
+    itself[~itself.any(axis=1), -1] = True
+    return np.asarray(found[~itself].reshape(len(space), count), dtype=np.int64)
