@@ -86,7 +86,7 @@ def hypothesize(
     frames = points.shape[1]
     rotation = None
     if derotate is not False and model == "translation" and camera is not None:
-        found = find_rotation(points[usable], camera)
+        found = find_rotation(points[usable], camera, rng)
         rotation = None if found is None else found.rotation
     return [
         _sample(

@@ -23,6 +23,7 @@ SAMPLE = 400
 """Matches that the coarse fits look at."""
 REFINED = 4
 """Coarse fits that are refined: a turn and a shift sideways look alike, so there are several."""
+RESTARTS, RESTART_SIZE = 60, 10
 NEAR = 1.0
 """Pixels from the epipolar line within which a match fits."""
 LEAST_SHARE = 0.5
@@ -47,7 +48,7 @@ class Derotation:
     share: float
 
 
-def find_rotation(points: Floats, camera: Camera) -> Derotation | None:
+def find_rotation(points: Floats, camera: Camera, rng: np.random.Generator) -> Derotation | None:
     """The rotation of the camera between two views, from matches [P, 2, 2] (pixels).
 
     Fits translation direction and rotation together, Cauchy loss on the Sampson distance. None
@@ -61,7 +62,7 @@ def find_rotation(points: Floats, camera: Camera) -> Derotation | None:
     observed = model.observe(points, coordinates)
     costs = {}
     for turn in (False, True):
-        costs[turn] = min(_search(observed, coordinates, turn), key=lambda fit: fit[1])
+        costs[turn] = min(_search(observed, coordinates, turn, rng), key=lambda fit: fit[1])
     parameters, cost = costs[True]
     residuals = np.abs(_residuals(parameters, observed, coordinates))
     found = Derotation(
@@ -82,19 +83,41 @@ def _residuals(parameters: Floats, observed: Floats, coordinates: Coordinates) -
     return np.asarray(sampson(direction, both)[0][0] * coordinates.scale)
 
 
-def _search(observed: Floats, coordinates: Coordinates, turn: bool) -> list[tuple[Floats, float]]:
+def _search(
+    observed: Floats, coordinates: Coordinates, turn: bool, rng: np.random.Generator
+) -> list[tuple[Floats, float]]:
     """The best of all starts, refined: parameters (t, rotation vector) and robust cost in nats."""
     some = observed[:: max(1, len(observed) // SAMPLE)]
     coarse = [
         _fit(some, coordinates, np.array([*t, 0.0, 0.0, 0.0]), turn, COARSE, 12) for t in STARTS
     ]
     coarse.sort(key=lambda fit: fit[1])
-    refined = []
-    for parameters, _ in coarse[:REFINED]:
-        for scale in FINE:
-            parameters, cost = _fit(observed, coordinates, parameters, turn, scale, 30)
-        refined.append((parameters, cost))
+    refined = [_refined(observed, coordinates, fit[0], turn) for fit in coarse[:REFINED]]
+    refined.sort(key=lambda fit: fit[1])
+    # moving bodies drag the static world's motion along: start again from a few matches at a time
+    best = refined[0][0]
+    near = np.flatnonzero(np.abs(_residuals(best, observed, coordinates)) < NEAR)
+    if len(near) < RESTART_SIZE:
+        return refined
+    restarts = []
+    for _ in range(RESTARTS):
+        some = observed[rng.choice(near, RESTART_SIZE, replace=False)]
+        parameters, _ = _fit(some, coordinates, best, turn, FINE[0], 8)
+        error = _residuals(parameters, observed, coordinates) / FINE[-1]
+        restarts.append((parameters, 0.5 * float(np.log1p(error**2).sum())))
+    restarts.sort(key=lambda fit: fit[1])
+    refined += [_refined(observed, coordinates, fit[0], turn) for fit in restarts[:REFINED]]
     return refined
+
+
+def _refined(
+    observed: Floats, coordinates: Coordinates, parameters: Floats, turn: bool
+) -> tuple[Floats, float]:
+    """A robust fit to all matches, down to the finest scale."""
+    cost = np.inf
+    for scale in FINE:
+        parameters, cost = _fit(observed, coordinates, parameters, turn, scale, 30)
+    return parameters, cost
 
 
 def _fit(
