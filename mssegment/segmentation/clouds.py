@@ -18,10 +18,10 @@ from mssegment.motions import Flags
 from mssegment.records import Floats, HypothesisSet, Integers
 from mssegment.segmentation.consensus.bodies import (
     FEWEST,
-    Cloud,
     cloud_cost,
     partition_cost,
     principal_components,
+    refine,
 )
 from mssegment.segmentation.consensus.outliers import leave_one_out_residuals
 from mssegment.segmentation.selection import Choice, Chosen, Problem, View
@@ -30,7 +30,6 @@ HYPOTHESES = 200
 """Hypotheses of each rank: more change nothing, since they only start the search."""
 STARTS = 14
 """Modes of one set that the search starts from, those with most hypotheses."""
-ROUNDS = 12
 DISTINCT = 95.0
 """Two groups are two bodies if (cost of the union - cost apart) / sqrt(tracks) is above this."""
 OUTLYING = 20.0
@@ -112,27 +111,6 @@ def _descend(components: Floats, labels: Integers, best: dict[int, Integers]) ->
         saved = {pair: saved_by_parting(components, members, pair) for pair in _pairs(count)}
         i, j = min(saved, key=lambda pair: saved[pair])
         labels = np.where(labels == j, i, labels - (labels > j))
-
-
-def refine(components: Floats, labels: Integers) -> Integers:
-    """Hard expectation maximization of labels 0.. [P]; groups below FEWEST tracks dissolve."""
-    for _ in range(ROUNDS):
-        names, sizes = np.unique(labels, return_counts=True)
-        names = names[sizes >= FEWEST]
-        if not len(names):
-            return np.zeros(len(labels), dtype=np.int64)
-        costs = np.stack(
-            [
-                Cloud.fitted(components[labels == name]).costs(components)
-                - 2 * np.log((labels == name).mean())
-                for name in names
-            ]
-        )
-        found = names[costs.argmin(axis=0)]
-        if np.array_equal(found, labels):
-            break
-        labels = found
-    return np.unique(labels, return_inverse=True)[1].ravel()
 
 
 def saved_by_parting(components: Floats, members: list[Integers], pair: tuple[int, int]) -> float:

@@ -26,6 +26,9 @@ LEAST_SPREAD = 0.5
 FREEDOM = 5.0
 """Degrees of freedom of the Student-t cloud."""
 ROUNDS = 3
+EM_ROUNDS = 12
+SMALL_CHANGE = 0.1
+"""A partition is refined by the clouds if no more than this share of the tracks changes group."""
 POWERS = (4, 6, 8)
 """Powers of the agreement that are partitioned; the cost chooses."""
 DISTINCT = 140.0
@@ -95,6 +98,27 @@ def partition_cost(components: Floats, labels: Integers) -> float:
     return sum(cloud_cost(components[labels == group], len(labels)) for group in np.unique(labels))
 
 
+def refine(components: Floats, labels: Integers) -> Integers:
+    """Hard expectation maximization of labels 0.. [P]; groups below FEWEST tracks dissolve."""
+    for _ in range(EM_ROUNDS):
+        names, sizes = np.unique(labels, return_counts=True)
+        names = names[sizes >= FEWEST]
+        if not len(names):
+            return np.zeros(len(labels), dtype=np.int64)
+        costs = np.stack(
+            [
+                Cloud.fitted(components[labels == name]).costs(components)
+                - 2 * np.log((labels == name).mean())
+                for name in names
+            ]
+        )
+        found = names[costs.argmin(axis=0)]
+        if np.array_equal(found, labels):
+            break
+        labels = found
+    return np.unique(labels, return_inverse=True)[1].ravel()
+
+
 def border_contrast(agreement: Floats, gaps: Floats, first: Integers, second: Integers) -> float:
     """How well two groups agree where they meet, against how well each agrees at such a distance.
 
@@ -143,8 +167,13 @@ class Bodies:
             found = [partition(vectors, groups, self._rng) for vectors in self._vectors]
             if groups > 1:
                 found.sort(key=lambda labels: partition_cost(self._components, labels))
-            self._best[groups] = found[0]
+            self._best[groups] = self._refined(found[0], groups)
         return self._best[groups]
+
+    def _refined(self, labels: Integers, groups: int) -> Integers:
+        found = refine(self._components, labels) if groups > 1 else labels
+        same = found.max() + 1 == groups and (found != labels).mean() <= SMALL_CHANGE
+        return found if same else labels
 
     def count(self, least: int, most: int) -> int:
         """The number of bodies: groups are added as long as all of them are distinct."""

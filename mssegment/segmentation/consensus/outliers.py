@@ -22,9 +22,9 @@ PERSPECTIVE_OF_EXTENT, PERSPECTIVE_OF_MEDIAN = 0.15, 40.0
 SECOND_OF_EXTENT, RESIDUALS_OF_MEDIAN, SECOND_OF_MEDIAN = 0.1, 6.0, 4.0
 """Second test: (misfit over extent) x (residual over the motion's median residual) above the
 first, the residual above so many medians, and the misfit above so many median misfits."""
-BEYOND, RARE = 3.0, 0.01
-"""Where fewer than this share of the tracks are beyond so many limits, there are hardly any
-outliers, and both tests spare what is below: what remains is the edge of right tracks."""
+SPARED, RARE = 3.0, 0.025
+"""Where fewer than this share of the tracks are beyond the limit, there are hardly any outliers
+about, only the edge of right tracks: both tests are so many times gentler."""
 FLAT_ROUNDS = 5
 AT_MOST = 0.6
 """If more than this share of the tracks were outliers, the tests mean nothing."""
@@ -106,7 +106,7 @@ def misfit_limit(points: Floats, misfit: Floats, *, perspective: bool = False) -
 
 def spared(misfit: Floats, limit: float) -> float:
     """What the limits are multiplied with: more than 1 where hardly any outliers are about."""
-    return BEYOND if (misfit > BEYOND * limit).mean() < RARE else 1.0
+    return SPARED if (misfit > limit).mean() < RARE else 1.0
 
 
 def first_test(points: Floats, misfit: Floats, *, perspective: bool = False) -> Flags:

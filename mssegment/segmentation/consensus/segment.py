@@ -32,8 +32,8 @@ from mssegment.segmentation.consensus.comembership import observe
 from mssegment.segmentation.consensus.evidence import EVIDENCE
 
 AUTO_FRAMES = 6
-"""From so many frames on, ``cluster.method: auto`` means consensus for ``factorization``. Hopkins155
-thinned to 4, 5, 6 frames: consensus 0.0 %, modes alone 12-13 %; five frames stay the paper's."""
+"""From so many frames on, ``cluster.method: auto`` means consensus for ``factorization``. On
+Hopkins155 thinned to 4-6 frames: consensus 0.0 %, modes 12-13 %; five frames stay the paper's."""
 MODE_NOTE = (
     "consensus: a mode is where mean shift arrives from its motion, its hypotheses are those made "
     "of the motion's tracks alone"
