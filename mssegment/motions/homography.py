@@ -13,6 +13,8 @@ from mssegment.records import Coordinates, Floats
 
 TRIPLES = ((0, 1, 2), (0, 1, 3), (0, 2, 3), (1, 2, 3))
 GAUSS_NEWTON_ROUNDS = 4
+PRODUCTS = np.array([[0, 1, 3], [1, 2, 4], [3, 4, 5]])
+"""Where (x, y, 1) times (x, y, 1) stands among the monomials."""
 
 
 class Homography(MotionModel):
@@ -50,18 +52,23 @@ class Homography(MotionModel):
         sound = (weights > 0).sum(axis=1) >= 4
         safe = np.where(sound[:, None], weights, 1.0)
         safe = safe / safe.sum(axis=1, keepdims=True)
-        design, target = _linear_system(observed)
-        parameters = np.stack([_solve(w[None], design[None], target[None])[0] for w in safe])
+        monomials = _monomials(observed[:, 0])
+        parameters = _linear_start(safe, observed[:, 1], monomials)
         for _ in range(GAUSS_NEWTON_ROUNDS):
-            parameters = parameters + _solve(safe, *_transfer(parameters, observed))
+            parameters = parameters + _transfer_step(parameters, safe, observed[:, 1], monomials)
         points = np.concatenate([parameters, np.ones((len(safe), 1))], axis=1).reshape(-1, 3, 3)
         return self._checked(points, safe @ observed[:, 0], sound)
 
     def residuals(self, points: Floats, observed: Floats, coordinates: Coordinates) -> Floats:
         """Transfer error in view 2, pixels [B, P]; infinite for points that H sends behind."""
-        gap, depth = _project(points, observed[:, 0])
-        gap = gap - observed[:, 1]
-        error = np.hypot(gap[..., 0], gap[..., 1]) * coordinates.scale
+        across, down, depth = _images(points.reshape(-1, 9), _rays(observed[:, 0]))
+        across -= observed[:, 1, 0]
+        down -= observed[:, 1, 1]
+        across *= across
+        down *= down
+        across += down
+        error = np.sqrt(across, out=across)
+        error *= coordinates.scale
         return np.where(depth > 0, error, np.inf)
 
     def symmetric_residuals(
@@ -112,33 +119,81 @@ def _projective_basis(corners: Floats, sound: Flags) -> tuple[Floats, Floats]:
     return basis, np.linalg.solve(basis, fourth[..., None])[..., 0]
 
 
-def _linear_system(observed: Floats) -> tuple[Floats, Floats]:
-    """The equations of H with H33 = 1: [P, 2, 8] and [P, 2]."""
-    x1 = np.concatenate([observed[:, 0], np.ones((len(observed), 1))], axis=-1)
-    design = np.zeros((len(observed), 2, 8))
-    design[:, 0, :3] = design[:, 1, 3:6] = x1
-    design[:, :, 6:] = -observed[:, 1, :, None] * observed[:, None, 0]
-    return design, observed[:, 1]
+def _rays(x: Floats) -> Floats:
+    """Points [P, 2] as rows x, y and 1, [3, P]."""
+    return np.concatenate([x, np.ones((len(x), 1))], axis=1).T
 
 
-def _solve(weights: Floats, jacobian: Floats, gap: Floats) -> Floats:
-    """Weighted normal equations of jacobian [B, P, 2, 8] and gap [B, P, 2]: steps [B, 8]."""
-    weighted = jacobian * weights[..., None, None]
-    flat = weighted.reshape(len(weights), -1, 8)
-    normal = np.swapaxes(flat, 1, 2) @ jacobian.reshape(len(weights), -1, 8)
-    side = np.swapaxes(flat, 1, 2) @ gap.reshape(len(weights), -1, 1)
+def _images(rows: Floats, rays: Floats) -> tuple[Floats, Floats, Floats]:
+    """H x for the matrices ``rows`` [B, 9] and all ``rays`` [3, P]: x, y and depth, [B, P] each."""
+    across: Floats = rows[:, 0:3] @ rays
+    down: Floats = rows[:, 3:6] @ rays
+    depth: Floats = rows[:, 6:9] @ rays
+    inverse = 1.0 / np.where(np.abs(depth) > 1e-12, depth, 1e-12)
+    across *= inverse
+    down *= inverse
+    return across, down, depth
+
+
+def _monomials(x: Floats) -> Floats:
+    """x^2, xy, y^2, x, y and 1 of the points [P, 2], [P, 6].
+
+    All sums over tracks that the equations below need are products of weights with these.
+    """
+    first, second = x[:, 0], x[:, 1]
+    return np.stack(
+        [first * first, first * second, second * second, first, second, np.ones(len(x))], axis=1
+    )
+
+
+def _linear_start(weights: Floats, target: Floats, monomials: Floats) -> Floats:
+    """Least squares of the equations that are linear in H with H33 = 1, [B, 8]."""
+    u, v = target[:, :1], target[:, 1:]
+    square = u * u + v * v
+    features = np.concatenate(
+        [monomials, u * monomials, v * monomials, square * monomials[:, :5]], axis=1
+    )
+    sums = weights @ features
+    plain, by_u, by_v, by_square = sums[:, :6], sums[:, 6:12], sums[:, 12:18], sums[:, 18:]
+    side = np.concatenate([by_u[:, 3:], by_v[:, 3:], -by_square[:, 3:]], axis=1)
+    return _solve(_normal_matrix(plain, by_u, by_v, by_square), side)
+
+
+def _transfer_step(
+    parameters: Floats, weights: Floats, target: Floats, monomials: Floats
+) -> Floats:
+    """The Gauss-Newton step [B, 8] of the transfer error."""
+    rows = np.concatenate([parameters, np.ones((len(parameters), 1))], axis=1)
+    u, v, depth = _images(rows, monomials[:, 3:].T)
+    inverse = 1.0 / np.where(np.abs(depth) > 1e-6, depth, 1e-6)
+    pull = weights * inverse
+    stiffness = pull * inverse
+    by_u, by_v = stiffness * u, stiffness * v
+    normal = _normal_matrix(
+        stiffness @ monomials,
+        by_u @ monomials,
+        by_v @ monomials,
+        (by_u * u + by_v * v) @ monomials[:, :3],
+    )
+    gap_u, gap_v = pull * (target[:, 0] - u), pull * (target[:, 1] - v)
+    linear = monomials[:, 3:]
+    side = [gap_u @ linear, gap_v @ linear, -(gap_u * u + gap_v * v) @ linear[:, :2]]
+    return _solve(normal, np.concatenate(side, axis=1))
+
+
+def _normal_matrix(plain: Floats, by_u: Floats, by_v: Floats, by_square: Floats) -> Floats:
+    """The normal matrices [B, 8, 8] from sums of ``_monomials`` times 1, u, v and u^2 + v^2."""
+    normal = np.zeros((len(plain), 8, 8))
+    normal[:, :3, :3] = normal[:, 3:6, 3:6] = plain[:, PRODUCTS]
+    normal[:, :3, 6:] = -by_u[:, PRODUCTS[:, :2]]
+    normal[:, 3:6, 6:] = -by_v[:, PRODUCTS[:, :2]]
+    normal[:, 6:, :6] = np.swapaxes(normal[:, :6, 6:], 1, 2)
+    normal[:, 6:, 6:] = by_square[:, PRODUCTS[:2, :2]]
+    return normal
+
+
+def _solve(normal: Floats, side: Floats) -> Floats:
+    """Solutions [B, 8] of normal equations [B, 8, 8] and [B, 8]."""
     # an unsound set of matches must not stop the batch
     ridge = 1e-13 * np.trace(normal, axis1=1, axis2=2)[:, None, None] * np.eye(8)
-    return np.asarray(np.linalg.solve(normal + ridge + 1e-300 * np.eye(8), side)[..., 0])
-
-
-def _transfer(parameters: Floats, observed: Floats) -> tuple[Floats, Floats]:
-    """Jacobian [B, P, 2, 8] and gap [B, P, 2] of the transfer error."""
-    points = np.concatenate([parameters, np.ones((len(parameters), 1))], axis=1).reshape(-1, 3, 3)
-    image, depth = _project(points, observed[:, 0])
-    depth = np.where(np.abs(depth) > 1e-6, depth, 1e-6)
-    x1 = np.concatenate([observed[:, 0], np.ones((len(observed), 1))], axis=-1)
-    jacobian = np.zeros((*image.shape, 8))
-    jacobian[:, :, 0, :3] = jacobian[:, :, 1, 3:6] = x1
-    jacobian[..., 6:] = -image[..., None] * observed[None, :, None, 0]
-    return jacobian / depth[..., None, None], observed[:, 1] - image
+    return np.asarray(np.linalg.solve(normal + ridge + 1e-300 * np.eye(8), side[..., None])[..., 0])
