@@ -14,7 +14,7 @@ the dimension of its residual, its residual, its fit and the extent it leaves fr
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import combinations
 
 import numpy as np
@@ -23,7 +23,7 @@ from mssegment.hypotheses import neighbour_space
 from mssegment.records import Integers
 from mssegment.segmentation.candidates import Candidates, Family, from_modes, join
 from mssegment.segmentation.description import Description
-from mssegment.segmentation.granularity import parallax_of, scale_range
+from mssegment.segmentation.granularity import parallax_of, scale_range, suggest
 from mssegment.segmentation.labelling import neighbour_labels
 from mssegment.segmentation.likelihood import Noise, uniform_cost
 from mssegment.segmentation.refinement import refine, refit_once
@@ -70,17 +70,46 @@ def mdl(problem: Problem, recipe: Recipe = STANDARD) -> Choice:
     Osokin, Isack and Boykov, Fast approximate energy minimization with label costs (2012) for
     motions with prices.
     """
-    families, notes = make_families(problem, recipe)
-    pool = candidate_pool(problem, families, recipe)
-    description = describe_tracks(problem, families, recipe)
-    best = start(pool, description)
-    if recipe.moves:
-        best = improve(best, pool, description)
+    problem, notes = with_granularity(problem, recipe)
+    best, description = shortest(problem, recipe)
     labels, best = settle(problem, best, description, recipe.neighbours)
     found = motions_of(best, labels, description)
     if len(found) < description.fewest:
         notes.append(f"{description.fewest} motions were wanted, but the tracks hold {len(found)}")
+    if len(problem.views) > 1 and found:
+        notes.append(models_chosen(problem, found))
     return Choice(tuple(found), tuple(notes))
+
+
+def shortest(problem: Problem, recipe: Recipe) -> tuple[Candidates, Description]:
+    """The motions that save most, before the labels are settled."""
+    families = make_families(problem, recipe)
+    pool = candidate_pool(problem, families, recipe)
+    description = describe_tracks(problem, families, recipe)
+    best = start(pool, description)
+    return (improve(best, pool, description) if recipe.moves else best), description
+
+
+def with_granularity(problem: Problem, recipe: Recipe) -> tuple[Problem, list[str]]:
+    """``problem`` with ``auto`` decided, and what to tell the user about it."""
+    if problem.granularity != "auto":
+        return problem, []
+    surfaces = replace(problem, granularity="surface")
+    if not any(view.model.name == "homography" for view in problem.views):
+        return replace(problem, granularity="object"), [
+            "granularity auto: object (only homographies can tell surfaces from objects)"
+        ]
+    found, description = shortest(surfaces, recipe)
+    labels = description.labels(found)
+    inliers = labels == np.arange(1, len(found) + 1)[:, None]
+    scales = np.zeros(len(found))
+    for k in range(len(found)):
+        noise = replace(description.families[int(found.views[k])].noise, floor=0.0)
+        scales[k] = noise.scales(found.residuals[[k]], inliers[[k]].astype(np.float64))[0]
+    suggestion = suggest(scales, inliers.sum(axis=1), problem.points)
+    word = "are" if suggestion == "surface" else "are not"
+    note = f"granularity auto: {suggestion} (the pieces {word} flat); the choice is yours"
+    return replace(problem, granularity=suggestion), [note]
 
 
 def describe_tracks(problem: Problem, families: Sequence[Family], recipe: Recipe) -> Description:
@@ -96,10 +125,8 @@ def describe_tracks(problem: Problem, families: Sequence[Family], recipe: Recipe
     )
 
 
-def make_families(problem: Problem, recipe: Recipe) -> tuple[list[Family], list[str]]:
-    """The sets of ``problem`` with their noise and prices, and what was decided about them."""
-    granularity = problem.granularity
-    notes: list[str] = []
+def make_families(problem: Problem, recipe: Recipe) -> list[Family]:
+    """The sets of ``problem`` with their noise."""
     outlier = uniform_cost(problem.points)
     families = []
     for index, view in enumerate(problem.views):
@@ -114,11 +141,11 @@ def make_families(problem: Problem, recipe: Recipe) -> tuple[list[Family], list[
             cap,
             free,
             outlier,
-            parallax_of(problem.points, granularity, predicts_points),
+            parallax_of(problem.points, problem.granularity, predicts_points),
             recipe.freedom,
         )
         families.append(Family(index, view, noise))
-    return families, notes
+    return families
 
 
 def candidate_pool(problem: Problem, families: Sequence[Family], recipe: Recipe) -> Candidates:
@@ -228,6 +255,13 @@ def settle(
         inliers = labels == np.arange(1, len(chosen) + 1)[:, None]
         chosen = refit_once(families, chosen, inliers.astype(np.float64))
     return neighbour_labels(chosen.gains, space), chosen
+
+
+def models_chosen(problem: Problem, found: Sequence[Chosen]) -> str:
+    """Which model the description length chose for each motion, as a sentence."""
+    ranked = sorted(found, key=lambda motion: -int(motion.inliers.sum()))
+    names = [problem.views[motion.set].model.name for motion in ranked]
+    return "models chosen: " + ", ".join(f"{n} {name}" for n, name in enumerate(names, start=1))
 
 
 def motions_of(chosen: Candidates, labels: Integers, description: Description) -> list[Chosen]:

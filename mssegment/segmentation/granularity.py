@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from mssegment.records import Floats
+from mssegment.records import Floats, Integers
 from mssegment.segmentation.selection import Granularity
 
 LEAST_SCALE = 1e-6
@@ -25,9 +25,31 @@ PARALLAX = 0.03
 """Parallax inside a body that is noise, over its displacement."""
 
 
+FLAT = 0.0009
+"""Scale below which surfaces count as flat, over the same diagonal: where ``auto`` draws the line
+between surfaces (walls) and objects, whose patches are never quite planes."""
+
+
+def suggest(scales: Floats, inliers: Integers, points: Floats) -> Granularity:
+    """What the surfaces found suggest: ``surface`` where they are flat, else ``object``.
+
+    ``scales`` [m] pixels and numbers of ``inliers`` [m] of the homographies that were found with
+    granularity ``surface`` in the tracks ``points`` [P, F, 2].
+    """
+    if not inliers.sum():
+        return "object"
+    mean = float((scales * inliers).sum() / inliers.sum())
+    return "surface" if mean < FLAT * diagonal(points) else "object"
+
+
+def diagonal(points: Floats) -> float:
+    """Diagonal of the box that holds the points [P, F, 2], pixels."""
+    return float(np.hypot(*np.ptp(points.reshape(-1, 2), axis=0))) if len(points) else 1.0
+
+
 def scale_range(points: Floats, predicts_points: bool) -> tuple[float, float]:
     """Least and largest scale of a motion's residuals, pixels, for the tracks [P, F, 2]."""
-    extent = float(np.hypot(*np.ptp(points.reshape(-1, 2), axis=0))) if len(points) else 1.0
+    extent = diagonal(points)
     floor, cap = SURFACE if predicts_points else EXACT
     return max(floor * extent, LEAST_SCALE), max(cap * extent, LEAST_SCALE)
 
