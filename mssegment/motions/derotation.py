@@ -16,7 +16,7 @@ from scipy.spatial.transform import Rotation
 from mssegment.motions.translation import Translation, rays, sampson
 from mssegment.records import Camera, Coordinates, Floats
 
-COARSE, FINE = 1.0, (0.3, 0.1)
+COARSE, FINE = 1.0, (0.3, 0.1, 0.05)
 """Scales of the Cauchy loss, pixels, one fit after the other: from all matches to the static
 world, which a good tracker sees to a tenth of a pixel."""
 SAMPLE = 400
