@@ -1,0 +1,165 @@
+"""Elemental subsets: what they are made of, what is rejected, what cannot work."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from mssegment import manifolds, motions
+from mssegment.errors import DataError, MssegmentError, UsageError
+from mssegment.hypotheses import CONFIRMATIONS, hypothesize, nearest_neighbours
+from mssegment.records import Camera
+
+CAMERA = Camera(800.0, 800.0, 320.0, 240.0)
+FRAMES = {"translation": 2, "affine": 2, "homography": 2, "factorization": 5}
+
+
+def two_bodies(rng, frames=2, outliers=20):
+    """Two bodies under affine motions, and mismatches: points [P, F, 2] and labels."""
+    bodies = []
+    for place in ([150.0, 150.0], [420.0, 320.0]):
+        path = [rng.uniform(-60.0, 60.0, (30, 2)) + place]
+        for _ in range(frames - 1):
+            turn = np.eye(2) + rng.uniform(-0.05, 0.05, (2, 2))
+            path.append((path[-1] - place) @ turn + place + rng.uniform(-15.0, 15.0, 2))
+        bodies.append(np.stack(path, axis=1))
+    points = np.concatenate([*bodies, rng.uniform(50.0, 500.0, (outliers, frames, 2))])
+    return points + rng.normal(0.0, 0.3, points.shape), np.repeat([1, 2, 0], [30, 30, outliers])
+
+
+@pytest.mark.parametrize("name", list(motions.MODELS))
+@pytest.mark.parametrize("sampling", ["local", "uniform"])
+def test_hypotheses_are_points_on_the_manifold_of_the_model(name, sampling, rng):
+    points, _ = two_bodies(rng, FRAMES[name])
+    (found,) = hypothesize(
+        points, model=name, camera=CAMERA, count=80, sampling=sampling, derotate=False, rng=rng
+    )
+    manifold = manifolds.from_name(found.manifold)
+    manifold.check_point(found.points)
+    assert found.points.shape == (80, *manifold.point_shape)
+    model = motions.make(name, frames=FRAMES[name])
+    assert found.subsets.shape == (80, model.subset_size)
+    assert all(len(set(row)) == model.subset_size for row in found.subsets.tolist())
+    assert found.drawn >= 80
+
+
+def test_local_hypotheses_mostly_come_from_one_body(rng):
+    points, labels = two_bodies(rng)
+    pure = {}
+    for sampling in ("local", "uniform"):
+        (found,) = hypothesize(points, count=200, sampling=sampling, rng=rng)
+        of = labels[found.subsets]
+        pure[sampling] = ((of == of[:, :1]).all(axis=1) & (of[:, 0] > 0)).mean()
+        if sampling == "local":
+            assert pure["local"] > 0.9
+    assert pure["local"] >= pure["uniform"]
+
+
+def test_mismatches_alone_are_never_confirmed(rng):
+    points = rng.uniform(0.0, 640.0, (60, 2, 2))
+    with pytest.raises(DataError, match="confirmed"):
+        hypothesize(points, count=50, rng=rng)
+    assert CONFIRMATIONS == 3
+
+
+def test_the_same_seed_gives_the_same_hypotheses():
+    points, _ = two_bodies(np.random.default_rng(3))
+    one, two = (hypothesize(points, rng=np.random.default_rng(5))[0] for _ in range(2))
+    np.testing.assert_array_equal(one.points, two.points)
+    np.testing.assert_array_equal(one.subsets, two.subsets)
+
+
+def test_excluded_and_incomplete_tracks_are_in_no_subset(rng):
+    points, _ = two_bodies(rng, 5)
+    points[3, 2] = np.nan
+    eligible = np.ones(len(points), dtype=bool)
+    eligible[10:15] = False
+    (found,) = hypothesize(points, model="factorization", eligible=eligible, count=200, rng=rng)
+    assert not np.isin(found.subsets, [3, *range(10, 15)]).any()
+
+
+def test_auto_makes_one_set_of_affine_motions_and_one_of_homographies(rng):
+    points, _ = two_bodies(rng)
+    sets = hypothesize(points, model="auto", count=40, rng=rng)
+    assert [s.model for s in sets] == ["affine", "homography"]
+
+
+def test_automatic_count_is_bounded(rng):
+    points, _ = two_bodies(rng)
+    (found,) = hypothesize(points, rng=rng)
+    assert 300 <= len(found.points) <= 2000
+
+
+def test_neighbours_of_a_track_are_not_itself(rng):
+    points = np.repeat(rng.uniform(0.0, 10.0, (5, 2, 2)), 4, axis=0)
+    near = nearest_neighbours(points, 6)
+    assert near.shape == (20, 6)
+    assert not (near == np.arange(20)[:, None]).any()
+
+
+@pytest.mark.parametrize(
+    ("change", "error", "says"),
+    [
+        ({"model": "afine"}, UsageError, "afine"),
+        ({"count": 0}, UsageError, "count"),
+        ({"sampling": "global"}, UsageError, "global"),
+        ({"model": "translation", "camera": None}, DataError, "--camera"),
+        ({"model": "factorization"}, DataError, "at least 3 frames"),
+    ],
+)
+def test_arguments_that_cannot_work(change, error, says, rng):
+    points, _ = two_bodies(rng)
+    with pytest.raises(error, match=says) as raised:
+        hypothesize(points, rng=rng, **{"camera": CAMERA, **change})
+    assert "\n" not in str(raised.value)
+
+
+@pytest.mark.parametrize("name", ["translation", "affine", "homography"])
+def test_two_view_models_refuse_sequences(name, rng):
+    points, _ = two_bodies(rng, 4)
+    with pytest.raises(DataError, match="needs 2 frames, but the tracks have 4"):
+        hypothesize(points, model=name, camera=CAMERA, rng=rng)
+
+
+@pytest.mark.parametrize("name", list(motions.MODELS))
+def test_fewer_tracks_than_a_subset(name, rng):
+    points, _ = two_bodies(rng, FRAMES[name])
+    for count in (0, 1, 2):
+        with pytest.raises(DataError, match="tracks"):
+            hypothesize(points[:count], model=name, camera=CAMERA, rng=rng)
+
+
+@pytest.mark.parametrize("name", list(motions.MODELS))
+def test_only_degenerate_subsets(name, rng):
+    line = np.linspace(0.0, 300.0, 30)[:, None] * [1.0, 0.5]
+    points = np.repeat(line[:, None], FRAMES[name], axis=1)
+    with pytest.raises(DataError, match=r"degenerate|moved"):
+        hypothesize(points, model=name, camera=CAMERA, rng=rng)
+
+
+@settings(max_examples=40, deadline=None)
+@given(
+    tracks=st.integers(0, 12),
+    frames=st.integers(0, 5),
+    name=st.sampled_from([*motions.MODELS, "auto"]),
+    seed=st.integers(0, 1000),
+    scale=st.sampled_from([0.0, 1e-9, 1.0, 1e6]),
+    broken=st.booleans(),
+)
+def test_whatever_the_tracks_it_is_hypotheses_or_one_clear_line(
+    tracks, frames, name, seed, scale, broken
+):
+    rng = np.random.default_rng(seed)
+    points = scale * rng.normal(size=(tracks, frames, 2))
+    if broken and points.size:
+        points[0] = np.nan
+    message, sets = "", []
+    try:
+        sets = hypothesize(points, model=name, camera=CAMERA, count=5, rng=rng)
+    except MssegmentError as error:
+        message = str(error)
+    assert bool(sets) != bool(message)
+    assert "\n" not in message
+    assert all(np.isfinite(s.points).all() for s in sets)

@@ -1,0 +1,235 @@
+"""From modes to motions: the inlier rule, dominance, the background, the paper's set-ups."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from benchmarks.paper import run_scene, summarize, table
+from benchmarks.scenes import CAMERA, HEIGHT, SETUPS, WIDTH, generate, oracle
+from mssegment import motions
+from mssegment.errors import DataError, UsageError
+from mssegment.evaluation import misclassification
+from mssegment.hypotheses import hypothesize
+from mssegment.records import BACKGROUND, NOT_JUDGED, HypothesisSet
+from mssegment.segmentation import SELECTIONS, cluster
+from mssegment.segmentation.background import find_background
+from mssegment.segmentation.dominance import largest_gap
+from mssegment.segmentation.inliers import first_minimum, fit_to_basin, inlier_limit
+from mssegment.segmentation.selection import View
+
+SIZE = (WIDTH, HEIGHT)
+
+
+def segment(setup, seed, **options):
+    scene = generate(setup, seed)
+    sets = hypothesize(
+        scene.points,
+        model=setup.model,
+        camera=CAMERA,
+        count=setup.hypotheses,
+        rng=np.random.default_rng(seed),
+    )
+    return scene, sets, cluster(scene.points, sets, selection="dominance", **options)
+
+
+@pytest.mark.parametrize("name", ["fig3", "fig4"])
+def test_the_papers_set_ups(name):
+    outcomes = [run_scene(SETUPS[name], seed, "dominance", "object") for seed in range(4)]
+    result = summarize(outcomes)
+    assert result["mean_misclassification_given"] <= result["oracle"] + 0.01
+    assert result["count_right"] >= 0.75
+    assert result["res_ratio"] <= 1.1
+    assert name in table({name: result})
+
+
+def test_translations_beat_no_segmentation_at_all():
+    result = summarize([run_scene(SETUPS["fig2"], s, "dominance", "object") for s in range(4)])
+    assert result["mean_misclassification_given"] < 0.2
+    assert result["oracle"] < 0.1
+
+
+@pytest.mark.parametrize("name", list(SETUPS))
+def test_scenes_are_as_the_paper_says(name):
+    setup = SETUPS[name]
+    scene = generate(setup, 7)
+    sizes = np.bincount(scene.labels)
+    assert sizes.tolist() == [setup.outliers, *setup.inliers]
+    assert scene.points.shape == (sum(sizes), setup.frames, 2)
+    np.testing.assert_array_equal(scene.points, generate(setup, 7).points)
+    assert np.std(scene.points - scene.exact) == pytest.approx(0.5, rel=0.15)
+    assert misclassification(oracle(setup, scene), scene.labels) < 0.2
+
+
+def test_a_segmentation_is_complete_and_consistent():
+    scene, sets, found = segment(SETUPS["fig4"], 0)
+    count = len(found.motions)
+    assert count > 0
+    assert [m.label for m in found.motions] == list(range(1, count + 1))
+    sizes = [len(m.inliers) for m in found.motions]
+    assert sizes == sorted(sizes, reverse=True)
+    for motion in found.motions:
+        np.testing.assert_array_equal(np.flatnonzero(found.labels == motion.label), motion.inliers)
+    assert found.residuals.shape == (count, len(scene.points))
+    kdes = [mode.kde for mode in found.modes]
+    assert kdes == sorted(kdes, reverse=True)
+    (assigned,) = found.assignments
+    assert assigned.shape == (len(sets[0].points),)
+    counted = np.bincount(assigned[assigned >= 0], minlength=len(found.modes))
+    assert counted.tolist() == [mode.hypotheses for mode in found.modes]
+    # an inlier lies nearest to its own motion
+    inlier = found.labels > 0
+    own = found.residuals[found.labels[inlier] - 1, np.flatnonzero(inlier)]
+    np.testing.assert_allclose(own, found.residuals[:, inlier].min(axis=0))
+
+
+def test_the_same_seed_gives_the_same_labels_whatever_the_threads():
+    runs = [
+        segment(SETUPS["fig4"], 1, rng=np.random.default_rng(4), threads=threads)[2]
+        for threads in (1, 1, 2)
+    ]
+    for other in runs[1:]:
+        np.testing.assert_array_equal(runs[0].labels, other.labels)
+        np.testing.assert_array_equal(runs[0].residuals, other.residuals)
+
+
+def test_the_number_of_motions_can_be_given():
+    for wanted in (0, 1, 2):
+        _, _, found = segment(SETUPS["fig4"], 2, motions=wanted)
+        assert len(found.motions) == wanted
+        assert len(np.unique(found.labels[found.labels > 0])) == wanted
+
+
+def test_more_motions_than_modes_are_said_to_be_missing():
+    _, _, found = segment(SETUPS["fig4"], 2, motions=30)
+    assert len(found.motions) < 30
+    assert any("30 motions were wanted" in note for note in found.notes)
+
+
+def test_background_and_short_tracks_keep_their_labels():
+    setup = SETUPS["fig3"]
+    scene = generate(setup, 0)
+    points, status = scene.points.copy(), np.zeros(len(scene.points), dtype=np.int64)
+    points[5, 3] = np.nan
+    status[7] = BACKGROUND
+    sets = hypothesize(
+        points, model=setup.model, eligible=status == 0, count=200, rng=np.random.default_rng(0)
+    )
+    found = cluster(points, sets, status=status, selection="dominance", method="meanshift")
+    assert found.labels[7] == BACKGROUND
+    assert found.labels[5] == NOT_JUDGED
+    assert np.isnan(found.residuals[:, 5]).all()
+
+
+@pytest.mark.parametrize("dimension", [1, 2, 7])
+def test_the_basin_ends_between_noise_and_the_rest(dimension, rng):
+    noise = np.linalg.norm(rng.normal(0.0, 0.5, (60, dimension)), axis=1)
+    rest = rng.uniform(30.0, 300.0, 100)
+    cut = first_minimum(np.concatenate([noise, rest]), dimension, least=8)
+    assert noise.max() * 0.8 < cut < 30.0
+    # it scales with the residuals
+    scaled = first_minimum(10 * np.concatenate([noise, rest]), dimension, least=8)
+    assert scaled == pytest.approx(10 * cut, rel=0.05)
+
+
+def test_a_sample_of_noise_alone_has_no_minimum(rng):
+    assert np.isinf(first_minimum(np.abs(rng.normal(size=5)), 1, least=8))
+    assert np.isinf(first_minimum(np.full(20, 0.3), 2, least=8))
+
+
+def test_the_limit_lies_where_noise_and_mismatches_are_equally_likely(rng):
+    model = motions.make("affine")
+    noise = np.linalg.norm(rng.normal(0.0, 0.5, (80, 2)), axis=1)
+    limit = inlier_limit(np.concatenate([noise, rng.uniform(5.0, 200.0, 40)]), model)
+    assert 2.0 * 0.5 < limit < 6.0 * 0.5
+
+
+def test_fitting_to_the_basin_recovers_a_motion_from_a_poor_start(rng):
+    scene = generate(SETUPS["fig4"], 5)
+    model = motions.make("affine")
+    coordinates = model.coordinates(scene.points)
+    observed = model.observe(scene.points, coordinates)
+    empty = HypothesisSet(
+        "affine", "affine(2)", (0, 1), coordinates, np.zeros((0, 3), int), np.zeros((0, 3, 3))
+    )
+    true, _ = model.fit(observed, (scene.labels == 1)[None].astype(float))
+    poor = model.manifold.exp(true, 0.005 * model.manifold.random_tangent(true, rng))
+    fitted = fit_to_basin(View(empty, model, observed), poor[0])
+    assert fitted is not None
+    agreement = (fitted.inliers == (scene.labels == 1)).mean()
+    assert agreement > 0.95
+
+
+@pytest.mark.parametrize(
+    ("masses", "count"),
+    [([], 0), ([5.0], 1), ([9.0, 8.0, 7.0, 0.1], 3), ([9.0, 0.5, 0.4, 0.3], 1), ([4, 3], 2)],
+)
+def test_the_largest_gap(masses, count):
+    assert largest_gap(np.array(masses, dtype=float), 0.1) == count
+
+
+def still_scene(rng, still, moving, shake=0.0):
+    """Tracks over 3 frames: a static background over the picture, and a body that moves."""
+    ground = np.repeat(rng.uniform(0.0, [640.0, 480.0], (still, 2))[:, None], 3, axis=1)
+    body = rng.uniform(100.0, 200.0, (moving, 2))[:, None] + np.arange(3)[:, None] * [9.0, 4.0]
+    points = np.concatenate([ground, body])
+    return points + shake * np.array([[0.0, 0.0], [1.0, 0.5], [-0.5, 1.0]])
+
+
+@pytest.mark.parametrize("shake", [0.0, 1.2])
+def test_what_stands_still_under_a_static_camera_is_background(shake, rng):
+    points = still_scene(rng, 100, 60, shake) + rng.normal(0.0, 0.1, (160, 3, 2))
+    found = find_background(points, frame_size=SIZE)
+    assert (found.status[:100] == BACKGROUND).all()
+    assert (found.status[100:] == 0).all()
+    assert found.notes
+
+
+def test_a_moving_camera_has_no_background(rng):
+    points = still_scene(rng, 100, 60) + np.arange(3)[:, None] * [15.0, 0.0]
+    found = find_background(points, frame_size=SIZE)
+    assert (found.status == 0).all()
+    assert any("moves" in note for note in found.notes)
+
+
+def test_a_body_that_stands_still_is_no_background(rng):
+    points = np.concatenate(
+        [still_scene(rng, 0, 60), still_scene(rng, 60, 0) * 0.1, still_scene(rng, 60, 0)]
+    )
+    points[120:] += np.arange(3)[:, None] * [15.0, 3.0]
+    assert (find_background(points, frame_size=SIZE).status == 0).all()
+
+
+def test_background_can_be_forced_and_forbidden(rng):
+    points = still_scene(rng, 100, 60)
+    assert (find_background(points, frame_size=SIZE, remove=False).status == 0).all()
+    few = still_scene(rng, 5, 60)
+    assert (find_background(few, frame_size=SIZE, remove=True).status[:5] == BACKGROUND).all()
+    assert find_background(np.zeros((0, 3, 2)), frame_size=SIZE).status.shape == (0,)
+
+
+def test_unknown_names_and_damaged_hypotheses():
+    scene, sets, _ = segment(SETUPS["fig4"], 0)
+    with pytest.raises(UsageError, match="mld"):
+        cluster(scene.points, sets, selection="mld")
+    with pytest.raises(UsageError, match="ransac"):
+        cluster(scene.points, sets, method="ransac")
+    with pytest.raises(DataError, match="run hypothesize"):
+        cluster(scene.points, [])
+    damaged = HypothesisSet(**{**vars(sets[0]), "points": sets[0].points[:, :2]})
+    with pytest.raises(DataError, match="shape"):
+        cluster(scene.points, [damaged])
+    elsewhere = HypothesisSet(**{**vars(sets[0]), "frames": (0, 7)})
+    with pytest.raises(DataError, match="frame 8"):
+        cluster(scene.points, [elsewhere])
+    empty = HypothesisSet(**{**vars(sets[0]), "points": sets[0].points[:0]})
+    with pytest.raises(DataError, match="no hypotheses"):
+        cluster(scene.points, [empty])
+
+
+def test_every_selection_explains_a_clean_scene():
+    for selection in SELECTIONS:
+        scene = generate(SETUPS["fig4"], 0)
+        sets = hypothesize(scene.points, rng=np.random.default_rng(0))
+        found = cluster(scene.points, sets, selection=selection, granularity="surface")
+        assert misclassification(found.labels, scene.labels) < 0.25
