@@ -51,7 +51,7 @@ def test_motions_name_modes_of_their_own(found) -> None:
 
 
 def test_a_wild_track_is_an_outlier() -> None:
-    points, labels = rigid_bodies(np.random.default_rng(6), sizes=(90, 60))
+    points, _ = rigid_bodies(np.random.default_rng(6), sizes=(90, 60))
     points[3] += np.random.default_rng(0).normal(0, 30, points[3].shape)
     rng = np.random.default_rng(0)
     segmentation = cluster(points, sets_of(points, rng, 4), method="meanshift", motions=2, rng=rng)
