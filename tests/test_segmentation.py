@@ -233,3 +233,17 @@ def test_every_selection_explains_a_clean_scene():
         sets = hypothesize(scene.points, rng=np.random.default_rng(0))
         found = cluster(scene.points, sets, selection=selection, granularity="surface")
         assert misclassification(found.labels, scene.labels) < 0.25
+
+
+def test_translations_along_the_optical_axis_come_with_a_warning(rng):
+    space = rng.uniform([-1.0, -0.8, 4.0], [1.0, 0.8, 9.0], (80, 3))
+    both = []
+    for shift in ([0.0, 0.0, 0.0], [0.0, 0.0, -0.5]):
+        seen = space + np.array(shift)
+        both.append(seen[:, :2] / seen[:, 2:] * CAMERA.fx + [CAMERA.cx, CAMERA.cy])
+    points = np.stack(both, axis=1) + rng.normal(0.0, 0.1, (80, 2, 2))
+    sets = hypothesize(points, model="translation", camera=CAMERA, count=200, rng=rng)
+    found = cluster(points, sets, camera=CAMERA, selection="dominance", motions=1)
+    assert any("optical axis" in note for note in found.notes)
+    _, _, planar = segment(SETUPS["fig4"], 0)
+    assert not any("optical axis" in note for note in planar.notes)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Literal
 
 import numpy as np
@@ -21,6 +22,7 @@ from mssegment.records import (
     Motion,
     Segmentation,
 )
+from mssegment.segmentation.optical_axis import axis_notes
 from mssegment.segmentation.selection import (
     Choice,
     Chosen,
@@ -124,8 +126,9 @@ def _segmentation(
     assignments: tuple[Integers, ...],
     choice: Choice,
 ) -> Segmentation:
+    owner = _owners(choice.motions, _residuals(views, choice.motions, int(judged.sum())))
+    choice = replace(choice, motions=_refitted(views, choice.motions, owner))
     residuals = _residuals(views, choice.motions, int(judged.sum()))
-    owner = _owners(choice.motions, residuals)
     sizes = np.array([(owner == j).sum() for j in range(len(choice.motions))], dtype=np.int64)
     order = [int(j) for j in np.argsort(-sizes, kind="stable") if sizes[j] > 0]
     labels = np.where(status == OUTLIER, NOT_JUDGED, status).astype(np.int64)
@@ -144,7 +147,13 @@ def _segmentation(
         for i, m in enumerate(modes)
     )
     return Segmentation(
-        labels, named, tuple(found), bandwidths, everywhere, assignments, choice.notes
+        labels,
+        named,
+        tuple(found),
+        bandwidths,
+        everywhere,
+        assignments,
+        (*choice.notes, *axis_notes(found)),
     )
 
 
@@ -172,6 +181,19 @@ def _strongest_modes(
         if of_this_set and 2 * counts.max() > counts.sum() and label not in owner.values():
             owner[index] = label
     return owner
+
+
+def _refitted(
+    views: Sequence[View], chosen: Sequence[Chosen], owner: Integers
+) -> tuple[Chosen, ...]:
+    """The final least squares of every motion on the tracks it got; unsound fits are not taken."""
+    motions = []
+    for j, motion in enumerate(chosen):
+        view, own = views[motion.set], owner == j
+        points, sound = view.fit(own[None].astype(np.float64))
+        enough = own.sum() > view.model.subset_size and sound[0]
+        motions.append(replace(motion, point=points[0]) if enough else motion)
+    return tuple(motions)
 
 
 def _residuals(views: Sequence[View], chosen: Sequence[Chosen], tracks: int) -> Floats:
