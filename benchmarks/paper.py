@@ -48,7 +48,6 @@ def run_scene(setup: SetUp, seed: int, selection: str, granularity: Granularity)
             scene.points,
             sets,
             camera=CAMERA,
-            frame_size=(WIDTH, HEIGHT),
             selection=selection,
             granularity=granularity,
             motions=wanted,

@@ -59,7 +59,6 @@ def hypothesize(
     *,
     model: str = "affine",
     camera: Camera | None = None,
-    affines: Floats | None = None,
     count: Count = "auto",
     sampling: Sampling = "local",
     eligible: Flags | None = None,
@@ -78,7 +77,6 @@ def hypothesize(
 
     Raises DataError where the tracks cannot make a hypothesis, UsageError for a wrong argument.
     """
-    del affines  # the local affine of a match says nothing about the other views' noise
     names = ("affine", "homography") if model == "auto" else (model,)
     _check_arguments(names, points, camera, count, sampling)
     complete = np.asarray(np.isfinite(points).all(axis=(1, 2)))

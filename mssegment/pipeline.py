@@ -26,10 +26,11 @@ from mssegment.documents import (
     TracksDocument,
 )
 from mssegment.errors import ConfigurationError
-from mssegment.records import Camera, Floats, Frame
+from mssegment.records import Camera, Floats, Frame, HypothesisSet
 
 if TYPE_CHECKING:
     from mssegment.imaging.frames import FrameSource
+    from mssegment.segmentation.background import Background
 
 STAGE_KEYS: dict[str, tuple[str, ...]] = {
     "detect": tuple(key for key in KEYS if key.startswith("detect.")),
@@ -138,16 +139,8 @@ def match(
 
 def hypothesize(document: TracksDocument, configuration: Configuration) -> HypothesesDocument:
     """Stage 3: background, elemental subsets, and hypotheses on the manifold of the model."""
-    from mssegment.hypotheses import hypothesize as draw
     from mssegment.segmentation.background import find_background
-    from mssegment.segmentation.clouds import draw_long_sets
-    from mssegment.segmentation.consensus import (
-        AUTO_FRAMES,
-        draw_consensus_sets,
-        uses_consensus,
-    )
 
-    settings = configuration.hypothesize
     camera = camera_of(configuration.camera) or document.camera
     points = straight(document.tracks.points, camera)
     background = find_background(
@@ -156,35 +149,7 @@ def hypothesize(document: TracksDocument, configuration: Configuration) -> Hypot
         remove=configuration.background.remove,
         min_displacement=configuration.background.min_displacement,
     )
-    eligible = background.status == 0
-    derotate = configuration.camera.derotate
-    if derotate == "auto" and background.found:
-        derotate = False  # a camera that stands still does not turn
-    rng = _random("hypothesize", configuration)
-    if uses_consensus(configuration.cluster.method, settings.model, points.shape[1]):
-        sets = draw_consensus_sets(points, rng, eligible=eligible)
-    elif settings.model == "factorization" and points.shape[1] >= AUTO_FRAMES:
-        sets = draw_long_sets(
-            points,
-            count=settings.count,
-            sampling=settings.sampling,
-            eligible=eligible,
-            rank=settings.rank,
-            rng=rng,
-        )
-    else:
-        sets = draw(
-            points,
-            model=settings.model,
-            camera=camera,
-            affines=document.tracks.affines,
-            count=settings.count,
-            sampling=settings.sampling,
-            eligible=eligible,
-            rank=3 if settings.rank == "auto" else settings.rank,
-            derotate=derotate,
-            rng=rng,
-        )
+    sets = _draw_sets(points, camera, background, configuration)
     return HypothesesDocument(
         frames=document.frames,
         camera=camera,
@@ -192,6 +157,48 @@ def hypothesize(document: TracksDocument, configuration: Configuration) -> Hypot
         status=background.status,
         sets=sets,
         history=[*document.history, _entry("hypothesize", configuration, background.notes)],
+    )
+
+
+def _draw_sets(
+    points: Floats, camera: Camera | None, background: Background, configuration: Configuration
+) -> list[HypothesisSet]:
+    """The sets of hypotheses that the model, the number of frames and the method ask for."""
+    from mssegment.hypotheses import hypothesize as draw
+    from mssegment.segmentation.clouds import draw_long_sets
+    from mssegment.segmentation.consensus import (
+        AUTO_FRAMES,
+        draw_consensus_sets,
+        uses_consensus,
+    )
+
+    settings, frames = configuration.hypothesize, points.shape[1]
+    eligible = background.status == 0
+    rng = _random("hypothesize", configuration)
+    if uses_consensus(configuration.cluster.method, settings.model, frames):
+        return draw_consensus_sets(points, rng, eligible=eligible)
+    if settings.model == "factorization" and frames >= AUTO_FRAMES:
+        return draw_long_sets(
+            points,
+            count=settings.count,
+            sampling=settings.sampling,
+            eligible=eligible,
+            rank=settings.rank,
+            rng=rng,
+        )
+    derotate = configuration.camera.derotate
+    if derotate == "auto" and background.found:
+        derotate = False  # a camera that stands still does not turn
+    return draw(
+        points,
+        model=settings.model,
+        camera=camera,
+        count=settings.count,
+        sampling=settings.sampling,
+        eligible=eligible,
+        rank=3 if settings.rank == "auto" else settings.rank,
+        derotate=derotate,
+        rng=rng,
     )
 
 
@@ -204,9 +211,7 @@ def cluster(
     found = segment(
         straight(document.tracks.points, document.camera),
         document.sets,
-        camera=document.camera,
         status=document.status,
-        frame_size=_size(document.frames),
         bandwidth=configuration.cluster.bandwidth,
         kernel=configuration.cluster.kernel,
         method=configuration.cluster.method,

@@ -8,7 +8,7 @@ from typing import Literal
 import numpy as np
 
 from mssegment.errors import DataError, UsageError
-from mssegment.records import OUTLIER, Camera, Floats, HypothesisSet, Integers, Segmentation
+from mssegment.records import OUTLIER, Floats, HypothesisSet, Integers, Segmentation
 from mssegment.segmentation.clouds import clouds
 from mssegment.segmentation.consensus import (
     drawn_for_consensus,
@@ -30,9 +30,7 @@ def cluster(
     points: Floats,
     sets: Sequence[HypothesisSet],
     *,
-    camera: Camera | None = None,
     status: Integers | None = None,
-    frame_size: tuple[int, int] | None = None,
     bandwidth: float | Literal["auto"] = "auto",
     kernel: str = "gaussian",
     method: str = "auto",
