@@ -83,22 +83,20 @@ def _identity(like: Array) -> Array:
     )
 
 
+def _add_to_diagonal(m: Array, numbers: Array) -> None:
+    for i in range(3):
+        m[i, i] += numbers
+
+
 def _product(a: Array, b: Array) -> Array:
-    out = np.empty(np.broadcast_shapes(a.shape, b.shape))
+    out = np.empty(np.broadcast_shapes(a.shape, b.shape), dtype=np.result_type(a, b))
+    part = np.empty(out.shape[2:], dtype=out.dtype)
     for i in range(3):
         for j in range(3):
-            out[i, j] = a[i, 0] * b[0, j] + a[i, 1] * b[1, j] + a[i, 2] * b[2, j]
+            total = np.multiply(a[i, 0], b[0, j], out=out[i, j, ...])
+            total += np.multiply(a[i, 1], b[1, j], out=part)
+            total += np.multiply(a[i, 2], b[2, j], out=part)
     return out
-
-
-def _inverse(a: Array) -> Array:
-    """Inverses by cofactors."""
-    out = np.empty_like(a)
-    for i in range(3):
-        for j in range(3):
-            p, q, r, s = (i + 1) % 3, (i + 2) % 3, (j + 1) % 3, (j + 2) % 3
-            out[j, i] = a[p, r] * a[q, s] - a[p, s] * a[q, r]
-    return np.asarray(out / (a[0, 0] * out[0, 0] + a[0, 1] * out[1, 0] + a[0, 2] * out[2, 0]))
 
 
 def _invariants(m: Array) -> tuple[Array, Array, Array]:
@@ -124,15 +122,29 @@ def _has_real_log(m: Array) -> npt.NDArray[np.bool_]:
 
 
 def _square_root(m: Array) -> Array:
-    """Principal square roots by the product form of the Denman-Beavers iteration."""
-    y, z = m, m
+    """Principal square roots U, by Cayley and Hamilton a polynomial in M (Hoger and Carlson, 1984).
+
+    With r_i the roots of the eigenvalues, s = r1 + r2 + r3 is the largest root of
+    (s^2 - a)^2 = 4 b + 8 d s, where a, b, d^2 are the invariants of M: the others have two signs
+    changed. Newton's iteration comes down to it from above without a detour.
+    """
+    a, b, determinant = _invariants(m)
+    d = np.sqrt(determinant)
+    s = np.sqrt(3.0 * np.sqrt(3.0 * np.sum(m * m, axis=(0, 1)))).astype(m.dtype)
+    enough = 0.1 * float(np.sqrt(np.finfo(m.dtype).eps))
     for _ in range(MOST_STEPS):
-        inverse = _inverse(z)
-        y = 0.5 * _product(y, _identity(m) + inverse)
-        z = 0.5 * (_identity(m) + 0.5 * (z + inverse))
-        if np.max(np.abs(z - _identity(m)), initial=0.0) < 500 * np.finfo(m.dtype).eps:
+        gap = s * s - a
+        fall = (gap * gap - 8.0 * d * s - 4.0 * b) / (4.0 * s * gap - 8.0 * d)
+        s -= fall
+        # the error that is left is of the order of the square of the last step
+        if not np.any(np.abs(fall) > enough * s):
             break
-    return y
+    q = 0.5 * (s * s - a)
+    over = 1.0 / (s * q - d)
+    root = (over * (s * s - q)) * m
+    root -= over * _product(m, m)
+    _add_to_diagonal(root, over * (s * d))
+    return np.asarray(root)
 
 
 def _log_near_identity(m: Array) -> Array:
@@ -151,4 +163,7 @@ def _log_near_identity(m: Array) -> Array:
         p += quadratic * over
         q -= t * (linear * over)
         r += (t * t) * over
-    return _identity(e) * (r * d) + (p - r * b) * e + (q + r * a) * _product(e, e)
+    log = (q + r * a) * _product(e, e)
+    log += (p - r * b) * e
+    _add_to_diagonal(log, r * d)
+    return log
