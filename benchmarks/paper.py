@@ -47,7 +47,6 @@ def run_scene(setup: SetUp, seed: int, selection: str, granularity: Granularity)
         wanted: cluster(
             scene.points,
             sets,
-            camera=CAMERA,
             selection=selection,
             granularity=granularity,
             motions=wanted,
