@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from benchmarks.scenes import CAMERA, HEIGHT, SETUPS, WIDTH, Scene, SetUp, generate, oracle
+from benchmarks.scenes import CAMERA, SETUPS, Scene, SetUp, generate, oracle
 from mssegment import motions
 from mssegment.evaluation import match_labels, misclassification, residual_errors
 from mssegment.hypotheses import hypothesize
@@ -41,6 +41,8 @@ def run_scene(setup: SetUp, seed: int, selection: str, granularity: Granularity)
         model=setup.model,
         camera=CAMERA,
         count=setup.hypotheses,
+        # there is no static world here that could tell how the camera turned
+        derotate=False,
         rng=np.random.default_rng([seed, 1]),
     )
     found = {
