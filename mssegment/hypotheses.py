@@ -17,7 +17,6 @@ from scipy.spatial import KDTree
 from mssegment import motions
 from mssegment.errors import DataError, UsageError
 from mssegment.motions import Flags, MotionModel
-from mssegment.motions.derotation import find_rotation
 from mssegment.records import Camera, Coordinates, Floats, HypothesisSet, Integers
 
 Count = int | Literal["auto"]
@@ -84,6 +83,8 @@ def hypothesize(
     frames = points.shape[1]
     rotation = None
     if derotate is not False and model == "translation" and camera is not None:
+        from mssegment.motions.derotation import find_rotation  # loads scipy.optimize
+
         found = find_rotation(points[usable], camera, rng)
         rotation = None if found is None else found.rotation
     return [

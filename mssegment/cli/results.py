@@ -5,7 +5,8 @@ from __future__ import annotations
 import dataclasses
 import os
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -17,14 +18,29 @@ from mssegment.documents import SegmentationDocument, write_bytes
 from mssegment.errors import DataError, UsageError
 from mssegment.pipeline import straight
 from mssegment.rendering.report import Picture, Report, build_report, report_json
-from mssegment.truth import true_labels
 
 if TYPE_CHECKING:
     from mssegment.imaging.frames import FrameSource
 
 
-def claim_folder(out: str, force: bool) -> None:
-    """Makes the folder; raises UsageError where it is in use already and ``force`` is not set."""
+@contextmanager
+def claimed_folder(out: str, force: bool) -> Iterator[None]:
+    """The folder for results; one that was made here and is still empty goes when the block fails.
+
+    Raises UsageError where it is in use already and ``force`` is not set, or cannot be written.
+    """
+    is_new = not Path(out).exists()
+    _claim(out, force)
+    try:
+        yield
+    except BaseException:
+        if is_new:
+            with suppress(OSError):  # it is not empty: what is whole stays
+                Path(out).rmdir()
+        raise
+
+
+def _claim(out: str, force: bool) -> None:
     folder = Path(out)
     if folder.is_file():
         raise UsageError(f"{out}: this is a file, --out names a folder")
@@ -55,11 +71,13 @@ class Results:
     ) -> Results:
         """The results of a segmentation; pictures from ``source``, or from the files it names."""
         settings = configuration.report
-        truth = (
-            true_labels(settings.labels, document.tracks, document.frames, settings.label_radius)
-            if settings.labels
-            else None
-        )
+        truth = None
+        if settings.labels:
+            from mssegment.truth import true_labels
+
+            truth = true_labels(
+                settings.labels, document.tracks, document.frames, settings.label_radius
+            )
         report = build_report(
             frames=document.frames,
             tracks=document.tracks,

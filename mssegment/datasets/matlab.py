@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import scipy.io
 
 from mssegment.datasets.base import Variables
 from mssegment.errors import DataError
@@ -18,6 +17,8 @@ from mssegment.records import Floats
 
 def load_matlab(path: Path) -> Variables:
     """The variables of a Matlab file (version 4 to 7.2)."""
+    import scipy.io  # slow to load, and most commands read no Matlab file
+
     try:
         raw = path.read_bytes()
     except OSError as error:

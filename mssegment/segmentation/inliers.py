@@ -12,8 +12,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import polygamma
-from scipy.stats import chi
+from scipy.special import gammaincinv, gammaln, polygamma
 
 from mssegment.motions import Flags, MotionModel
 from mssegment.records import Floats
@@ -82,20 +81,33 @@ def inlier_limit(nearest: Floats, model: MotionModel) -> float:
     farthest = float(length.max())
     start = length <= first_minimum(length, c, max(least, len(length) // 5))
     sigma, share = float(np.sqrt(np.mean(length[start] ** 2) / c)), float(start.mean())
-    sigma = max(min(sigma, float(np.median(length[start])) / float(chi.median(c))), LEAST_RESIDUAL)
+    sigma = max(min(sigma, float(np.median(length[start])) / _chi_median(c)), LEAST_RESIDUAL)
     for _ in range(MIXTURE_ROUNDS):
-        inlier = share * chi.pdf(length, c, scale=sigma)
+        inlier = share * _chi_density(length / sigma, c) / sigma
         outlier = (1.0 - share) * c * length ** (c - 1) / farthest**c
         owned = inlier / np.maximum(inlier + outlier, 1e-300)
         total = max(float(owned.sum()), 1.0)
         share = min(total / len(length), 1.0 - 1.0 / len(length))
         sigma = max(float(np.sqrt((owned * length**2).sum() / (c * total))), LEAST_RESIDUAL)
     grid = sigma * np.linspace(np.sqrt(c), WIDEST + np.sqrt(c), 400)
-    inlier = share * chi.pdf(grid, c, scale=sigma)
+    inlier = share * _chi_density(grid / sigma, c) / sigma
     outlier = (1.0 - share) * c * grid ** (c - 1) / farthest**c
     likely = np.flatnonzero(inlier > outlier)
     limit = grid[likely[-1]] if len(likely) else grid[0]
     return float(limit / np.sqrt(model.residual_terms))
+
+
+def _chi_density(x: Floats, c: int) -> Floats:
+    """Density of the length of c independent standard normal coordinates.
+
+    By hand, because importing scipy.stats takes longer than segmenting a pair of pictures.
+    """
+    constant = 2.0 ** (1 - c / 2) / np.exp(gammaln(c / 2))
+    return np.asarray(constant * x ** (c - 1) * np.exp(-0.5 * x * x))
+
+
+def _chi_median(c: int) -> float:
+    return float(np.sqrt(2.0 * gammaincinv(c / 2, 0.5)))
 
 
 def fit_within(view: View, point: Floats, cut: float) -> Fitted | None:
