@@ -22,7 +22,7 @@ JUDGE = 4
 """The power of the averaged agreement in which cuts are compared."""
 SPARE = 2
 """Partitions into so many groups too many are merged down."""
-JOINED = 0.15
+JOINED = 0.157
 """Two groups are one body if their agreement, over that inside them, by homographies times by
 fundamental matrices, times the sixth root of the contrast at the border, is above this."""
 FEWEST = 8

@@ -25,6 +25,8 @@ GAP = 0.1
 """Gap of a pair of complete tracks, as a share of the frames."""
 GAPS, PAIRS_PER_GAP = (1, 2, 4), 6
 """The same for tracks that begin and end anywhere: short, or too few tracks are in both."""
+LENGTH = 14
+"""These gaps suit tracks of so many frames; tracks twice as long allow twice the gaps."""
 PER_PAIR = 200
 """Hypotheses per frame pair and kind."""
 WHOLE = 1000
@@ -55,7 +57,8 @@ def draw_consensus_sets(
     complete = seen.all(axis=1)
     if complete.sum() >= max(COMPLETE * seen.any(axis=1).sum(), FEWEST):
         return _draw_complete(points, seen, rng)
-    return _draw_pairs(points, seen, ("homography", "fundamental"), _short_pairs(frames), rng)
+    pairs = _short_pairs(frames, seen.sum(axis=1))
+    return _draw_pairs(points, seen, ("homography", "fundamental"), pairs, rng)
 
 
 def _draw_complete(points: Floats, seen: Flags, rng: np.random.Generator) -> list[HypothesisSet]:
@@ -93,7 +96,7 @@ def _draw_pairs(
             sets.append(_draw_set(EVIDENCE[name], points, shared, near, pair, PER_PAIR, rng))
     if not sets:
         raise DataError(
-            f"no two frames at a distance of {', '.join(map(str, GAPS))} share {FEWEST} tracks; "
+            f"none of the frame pairs that were looked at share {FEWEST} tracks; "
             "give longer tracks (match.min_length), or more corners"
         )
     return sets
@@ -148,7 +151,10 @@ def _even_pairs(frames: int, gap: int, count: int) -> list[tuple[int, int]]:
     return [(int(start), int(start) + gap) for start in starts]
 
 
-def _short_pairs(frames: int) -> list[tuple[int, int]]:
+def _short_pairs(frames: int, lengths: Integers) -> list[tuple[int, int]]:
+    """Pairs with the GAPS, or multiples of them where the typical track is long."""
+    usual = float(np.median(lengths[lengths > 0])) if (lengths > 0).any() else 0.0
+    gaps = [gap * max(1, int(usual // LENGTH)) for gap in GAPS]
     return [
-        pair for gap in GAPS if gap < frames for pair in _even_pairs(frames, gap, PAIRS_PER_GAP)
+        pair for gap in gaps if gap < frames for pair in _even_pairs(frames, gap, PAIRS_PER_GAP)
     ]
