@@ -26,7 +26,7 @@ REFINED = 4
 RESTARTS, RESTART_SIZE = 60, 10
 NEAR = 1.0
 """Pixels from the epipolar line within which a match fits."""
-LEAST_SHARE = 0.5
+LEAST_SHARE = 0.6
 """Share of the matches that the static world must explain: fewer could be a body's own motion."""
 LARGEST = 10.0
 """Degrees; a camera that turns more was not meant to translate."""
@@ -52,7 +52,7 @@ def find_rotation(points: Floats, camera: Camera, rng: np.random.Generator) -> D
     """The rotation of the camera between two views, from matches [P, 2, 2] (pixels).
 
     Fits translation direction and rotation together, Cauchy loss on the Sampson distance. None
-    where no translation explains half of the matches, where the rotation is not small, or where it
+    where no translation explains most of the matches, where the rotation is not small, or where it
     explains no more than a camera that did not turn.
     """
     model = Translation()
