@@ -13,7 +13,7 @@ import numpy as np
 
 from mssegment.records import Floats, Integers
 from mssegment.segmentation.candidates import Candidates, Family
-from mssegment.segmentation.labelling import frequency_labels
+from mssegment.segmentation.labelling import frequency_cost, frequency_labels, neighbour_cost
 
 QUANTUM = 0.5 * float(np.log(12.0)) - 0.5
 """Nats that the best precision saves per parameter (Wallace and Freeman, 1987)."""
@@ -29,6 +29,10 @@ class Description:
 
     ``fewest`` and ``most`` bound the number of motions; ``price`` multiplies what the parameters
     cost and ``label_cost`` says whether labels cost anything (both for the ablation).
+
+    Labels are coded by frequency where a misfit may be smooth, as parallax is: then coherent labels
+    are no evidence of two bodies. Where every model leaves parallax free they are coded by those of
+    the tracks ``nearest`` [P, k] to each, and bodies that lie apart are told apart more easily.
     """
 
     families: Sequence[Family]
@@ -37,14 +41,22 @@ class Description:
     most: float = np.inf
     price: float = 1.0
     label_cost: bool = True
+    nearest: Integers | None = None
 
     def labels(self, chosen: Candidates) -> Integers:
         """The labels [P] that the motions ``chosen`` give, 0 for outliers."""
-        return frequency_labels(chosen.gains, self.label_cost)[0]
+        return self._labelled(chosen)[0]
+
+    def _labelled(self, chosen: Candidates) -> tuple[Integers, float]:
+        """The labels, and what they save without the price of the motions."""
+        labels, value = frequency_labels(chosen.gains, self.label_cost, self.nearest is not None)
+        if self.nearest is not None and self.label_cost:
+            value += frequency_cost(labels) - neighbour_cost(labels, self.nearest)
+        return labels, value
 
     def saved(self, chosen: Candidates) -> float:
         """Nats that the motions ``chosen`` save altogether; less than nothing where forbidden."""
-        labels, _ = frequency_labels(chosen.gains, self.label_cost)
+        labels, _ = self._labelled(chosen)
         count = np.bincount(labels, minlength=len(chosen) + 1)[1:]
         least = [CONFIRMED * self.families[int(v)].view.model.subset_size for v in chosen.views]
         forbidden = float((count < least).sum())
@@ -55,7 +67,7 @@ class Description:
 
     def worth(self, chosen: Candidates) -> float:
         """Nats that the motions ``chosen`` save, allowed or not."""
-        labels, value = frequency_labels(chosen.gains, self.label_cost)
+        labels, value = self._labelled(chosen)
         return value - sum(self._price(chosen, k, labels == k + 1) for k in range(len(chosen)))
 
     def _price(self, chosen: Candidates, k: int, inliers: Integers) -> float:

@@ -19,12 +19,12 @@ from itertools import combinations
 
 import numpy as np
 
-from mssegment.hypotheses import neighbour_space
+from mssegment.hypotheses import nearest_neighbours, neighbour_space
 from mssegment.records import Integers
 from mssegment.segmentation.candidates import Candidates, Family, from_modes, join
 from mssegment.segmentation.description import Description
 from mssegment.segmentation.granularity import parallax_of, scale_range, suggest
-from mssegment.segmentation.labelling import neighbour_labels
+from mssegment.segmentation.labelling import NEIGHBOURS, neighbour_labels
 from mssegment.segmentation.likelihood import Noise, uniform_cost
 from mssegment.segmentation.refinement import refine, refit_once
 from mssegment.segmentation.selection import Choice, Chosen, Problem
@@ -115,6 +115,8 @@ def with_granularity(problem: Problem, recipe: Recipe) -> tuple[Problem, list[st
 def describe_tracks(problem: Problem, families: Sequence[Family], recipe: Recipe) -> Description:
     """The description that ``problem`` asks for."""
     given = problem.motions
+    exact = all(family.noise.free > 0 for family in families)
+    nearest = nearest_neighbours(problem.points, NEIGHBOURS) if exact else None
     return Description(
         families,
         problem.points[:, 0],
@@ -122,6 +124,7 @@ def describe_tracks(problem: Problem, families: Sequence[Family], recipe: Recipe
         most=np.inf if given is None else given,
         price=recipe.price,
         label_cost=recipe.label_cost,
+        nearest=nearest,
     )
 
 
@@ -176,7 +179,7 @@ def improve(chosen: Candidates, pool: Candidates, description: Description) -> C
     best = -np.inf
     for _ in range(MOST_MOVES):
         sets = neighbouring_sets(chosen, pool, description)
-        done = refine(description.families, sets, description.label_cost)
+        done = refine(description, sets)
         values = [description.saved(one) for one in done]
         if max(values) <= best + IMPROVEMENT:
             break

@@ -19,7 +19,7 @@ LEAST_SCALE = 1e-6
 SURFACE = (0.001, 0.006)
 """Floor and cap of the scale of a motion that predicts points, over the diagonal of the box that
 holds them: 0.8 to 5 pixels in 640 x 480. No wall is quite flat."""
-EXACT = (0.0008, 0.006)
+EXACT = (0.0003, 0.001)
 """The same for motions that leave parallax free: they need no more than the noise of corners."""
 PARALLAX = 0.03
 """Parallax inside a body that is noise, over its displacement."""

@@ -22,8 +22,13 @@ PRIOR = 0.5
 """Count that each label has before anything is seen (Krichevsky and Trofimov)."""
 
 
-def frequency_labels(gains: Floats, label_cost: bool = True) -> tuple[Integers, float]:
-    """The labels [P] (0 outlier) that save most, and the nats they save, given gains [m, P]."""
+def frequency_labels(
+    gains: Floats, label_cost: bool = True, together: bool = False
+) -> tuple[Integers, float]:
+    """The labels [P] (0 outlier) that save most, and the nats they save, given gains [m, P].
+
+    ``together``: the labels are found as if all motions shared one frequency.
+    """
     table = _with_outlier(gains)
     tracks = np.arange(table.shape[1])
     labels = table.argmax(axis=0)
@@ -31,13 +36,37 @@ def frequency_labels(gains: Floats, label_cost: bool = True) -> tuple[Integers, 
         return labels, float(table[labels, tracks].sum())
     for _ in range(TURNS):
         count = np.bincount(labels, minlength=len(table))
-        again = (table + _log_share(count)[:, None]).argmax(axis=0)
+        if together:
+            outlier, motion = _log_share(np.array([count[0], count[1:].sum()]))
+            share = np.where(np.arange(len(table)) == 0, outlier, motion)
+        else:
+            share = _log_share(count)
+        again = (table + share[:, None]).argmax(axis=0)
         if (again == labels).all():
             break
         labels = again
-    count = np.bincount(labels, minlength=len(table))
+    return labels, float(table[labels, tracks].sum()) - frequency_cost(labels)
+
+
+def frequency_cost(labels: Integers) -> float:
+    """Nats to state the labels [P] by the frequency of each."""
+    count = np.bincount(labels)
     used = count[count > 0]
-    return labels, float(table[labels, tracks].sum() + (used * np.log(used / len(tracks))).sum())
+    return float(-(used * np.log(used / max(len(labels), 1))).sum())
+
+
+def neighbour_cost(labels: Integers, nearest: Integers) -> float:
+    """Nats to state the labels [P] by those of the tracks ``nearest`` [P, k] to each.
+
+    Outlier or not by frequency; which motion, by the nearest tracks that belong to any.
+    """
+    assigned = labels > 0
+    motions = int(labels.max(initial=0))
+    around = labels[nearest]
+    same = (around == labels[:, None]).sum(axis=1)
+    known = (around > 0).sum(axis=1)
+    share = (same + PRIOR) / (known + PRIOR * max(motions, 1))
+    return frequency_cost(assigned.astype(np.int64)) - float(np.log(share[assigned]).sum())
 
 
 def neighbour_labels(gains: Floats, space: Floats) -> Integers:

@@ -9,15 +9,13 @@ import numpy as np
 
 from mssegment.records import Floats
 from mssegment.segmentation.candidates import Candidates, Family, join
-from mssegment.segmentation.labelling import frequency_labels
+from mssegment.segmentation.description import Description
 
 TURNS = 4
 """Turns of relabelling and refitting."""
 
 
-def refine(
-    families: Sequence[Family], sets: Sequence[Candidates], label_cost: bool = True
-) -> list[Candidates]:
+def refine(description: Description, sets: Sequence[Candidates]) -> list[Candidates]:
     """Each set of motions, every motion refitted to the tracks it wins against the others.
 
     All motions of all sets are fitted in one batch. A motion whose refit is unsound stays.
@@ -31,9 +29,9 @@ def refine(
         inliers = np.zeros(current.gains.shape)
         for a, b in pairwise(ends):
             if b > a:
-                labels, _ = frequency_labels(current.gains[a:b], label_cost)
+                labels = description.labels(current.take(np.arange(a, b)))
                 inliers[a:b] = labels == np.arange(1, b - a + 1)[:, None]
-        current = refit_once(families, current, inliers)
+        current = refit_once(description.families, current, inliers)
     return [current.take(np.arange(a, b)) for a, b in pairwise(ends)]
 
 
