@@ -67,7 +67,6 @@ VARIANTS: dict[str, tuple[tuple[str, ...], tuple[Change, ...]]] = {
     ),
     "outlier tests never gentle": ((), ((clustering, "spared", lambda *_: 1.0),)),
     "no merging of spare groups": ((), ((cuts, "SPARE", 0),)),
-    "no homographies": (("homography",), ()),
     "no fundamental matrices": (("fundamental",), ()),
 }
 """Name -> kinds of evidence to leave out, and constants to change."""
