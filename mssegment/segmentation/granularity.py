@@ -16,9 +16,9 @@ from mssegment.segmentation.selection import Granularity
 
 LEAST_SCALE = 1e-6
 """Pixels; tracks that all lie in one place must not divide by zero."""
-SURFACE = (0.001, 0.006)
+SURFACE = (0.00125, 0.006)
 """Floor and cap of the scale of a motion that predicts points, over the diagonal of the box that
-holds them: 0.8 to 5 pixels in 640 x 480. No wall is quite flat."""
+holds them: 1 to 5 pixels in 640 x 480. No wall is quite flat."""
 EXACT = (0.0003, 0.001)
 """The same for motions that leave parallax free: they need no more than the noise of corners."""
 PARALLAX = 0.03
