@@ -20,6 +20,8 @@ BACKGROUND = -1
 """Label of a track that stands still under a static camera."""
 NOT_JUDGED = -2
 """Label of a track that was seen too briefly to say anything."""
+LARGEST_COORDINATE = 1e6
+"""Pixels; a track or corner that is farther out is a mistake in a file (and would overflow)."""
 IGNORED = -3
 """True label of a track that must not be counted (mask value 255)."""
 

@@ -44,6 +44,21 @@ def true_labels(
     return found
 
 
+def check_labels(paths: Sequence[str]) -> None:
+    """Raises DataError, as ``true_labels`` does, for files that cannot be read; cheap, for early.
+
+    Whether the labels fit the tracks can only be said when there are tracks.
+    """
+    from mssegment.imaging.frames import open_frames
+
+    masks = [path for path in paths if Path(path).suffix.lower() != ".csv"]
+    for path in paths:
+        if path not in masks:
+            read_located_labels(Path(path))
+    if masks:
+        open_frames(masks, at_least=1)
+
+
 def _read_masks(paths: Sequence[str], frames: Sequence[Frame]) -> dict[int, Integers]:
     from mssegment.imaging.frames import open_frames
 

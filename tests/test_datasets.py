@@ -168,7 +168,7 @@ def test_sightings_as_csv_keep_the_gaps(tmp_path: Path) -> None:
         ("track,frame,x,y\n1,1,2,3\n1,1,2,3\n", "two places"),
         ("track,frame,x,y\n1,1,2,3\n1,-2,2,3\n", "-2"),
         ("track,frame,x,y,label\n1,1,2,3,1\n1,2,2,3,2\n", "two labels"),
-        ("x1,y1,x2,y2,label\n1,2,3,4,-1\n", "label -1"),
+        ("x1,y1,x2,y2,label\n1,2,3,4,-1\n", "found -1"),
     ],
 )
 def test_broken_csv_says_what_is_wrong(tmp_path: Path, text: str, word: str) -> None:

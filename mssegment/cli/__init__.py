@@ -8,6 +8,7 @@ from __future__ import annotations
 import importlib
 import os
 import sys
+import warnings
 from collections.abc import Sequence
 
 import click
@@ -106,6 +107,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
 def invoke(arguments: list[str]) -> int:
     """Runs one command line and returns its exit status; errors are one line on stderr."""
     debug = "--debug" in arguments
+    if not debug:
+        # an error is one line; numpy's warnings would stand between it and the user
+        warnings.simplefilter("ignore", RuntimeWarning)
     try:
         status = cli.main(args=arguments, prog_name="mssegment", standalone_mode=False)
         sys.stdout.flush()
@@ -137,6 +141,8 @@ def _fail(message: str, status: ExitStatus) -> int:
 
 def _click_message(error: click.ClickException) -> str:
     message = error.format_message()
+    if isinstance(error, click.NoSuchOption):
+        message = f"{message.rstrip('.')}; a file of that name goes after --"
     context = getattr(error, "ctx", None)
     return f"{message} (see `{context.command_path} --help`)" if context else message
 

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 import click
 
 from mssegment.cli import COMMANDS
-from mssegment.cli.common import Voice, voice_options
+from mssegment.cli.common import Voice, put, voice_options
 from mssegment.configuration import from_environment, from_text
 
 if TYPE_CHECKING:
@@ -128,4 +127,4 @@ def _write(dataset: str, results: list[SequenceResult], voice: Voice) -> None:
     from mssegment.cli.benchmark_tables import benchmark_json, benchmark_text
 
     write = benchmark_json if voice.json else benchmark_text
-    sys.stdout.write(write(dataset, results))
+    put(write(dataset, results))

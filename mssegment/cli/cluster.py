@@ -66,5 +66,5 @@ def command(
 
 def describe_segmentation(document: SegmentationDocument) -> str:
     """The sentence for the stage's line."""
-    motions = len(document.motions)
-    return f"{len(document.modes)} modes, {motions} motion{'' if motions == 1 else 's'}"
+    modes, motions = len(document.modes), len(document.motions)
+    return f"{modes} mode{'s' * (modes != 1)}, {motions} motion{'s' * (motions != 1)}"

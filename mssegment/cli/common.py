@@ -14,7 +14,14 @@ from typing import Any, TypeVar
 import click
 
 from mssegment.configuration import KEYS, Setting, camera_settings, from_environment, from_options
-from mssegment.documents import STANDARD, AnyDocument, Document, read_document, write_document
+from mssegment.documents import (
+    STANDARD,
+    AnyDocument,
+    Document,
+    read_document,
+    write_bytes,
+    write_document,
+)
 from mssegment.errors import UsageError
 
 Command = TypeVar("Command", bound=Callable[..., Any])
@@ -148,8 +155,15 @@ class Voice:
             task = bar.add_task(text, total=total)
             yield lambda name: bar.update(task, advance=1, description=name)
 
-    def deliver(self, document: Document, output: str | None, sentence: str, start: float) -> None:
-        """Writes the document to ``output`` or standard output.
+    def deliver(
+        self,
+        document: Document,
+        output: str | None,
+        sentence: str,
+        start: float,
+        name: str | None = None,
+    ) -> None:
+        """Writes the document to ``output`` or standard output; ``name`` is the stage's.
 
         A terminal is no place for a document: there the sentence on stderr is all, unless
         ``--json`` or ``-o -`` asks for it.
@@ -159,9 +173,18 @@ class Voice:
             write_document(output or STANDARD, document)
         else:
             sentence += "; -o FILE keeps them, a pipe passes them on"
-        self.stage(document.made_by, sentence, seconds)
-        for note in document.history[-1].notes if document.history else ():
+        self.stage(name or document.made_by, sentence, seconds)
+        self.details(document)
+
+    def details(self, document: Document) -> None:
+        """What the stage that wrote the document has to say; ``--verbose``: with its settings."""
+        if not document.history:
+            return
+        for note in document.history[-1].notes:
             self.note(note)
+        if self.verbose:
+            for key, value in document.history[-1].settings.items():
+                self.note(f"{key} = {value}")
 
 
 def voice_options(command: Command) -> Command:
@@ -175,7 +198,7 @@ def voice_options(command: Command) -> Command:
     wrapped: Any = wrapper
     for option in (
         click.option("--debug", is_flag=True, help="Show the traceback of an error."),
-        click.option("-v", "--verbose", is_flag=True, help="Say more on standard error."),
+        click.option("-v", "--verbose", is_flag=True, help="Also say the settings of every stage."),
         click.option("-q", "--quiet", is_flag=True, help="Say nothing on standard error."),
         click.option("--json", is_flag=True, help="JSON on standard output, also to a terminal."),
     ):
@@ -197,6 +220,11 @@ def format_option(command: Command) -> Command:
 def chosen_format(form: str | None, voice: Voice) -> str:
     """A person gets text, a program JSON, unless one is asked for."""
     return form or ("json" if voice.json or not sys.stdout.isatty() else "text")
+
+
+def put(text: str) -> None:
+    """Text to standard output, UTF-8 whatever the terminal's locale; raises UsageError."""
+    write_bytes(STANDARD, text.encode())
 
 
 def output_option(command: Command) -> Command:

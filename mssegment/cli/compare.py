@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import sys
-
 import click
 
 from mssegment.cli import COMMANDS
@@ -11,6 +9,7 @@ from mssegment.cli.common import (
     Voice,
     chosen_format,
     format_option,
+    put,
     settings_options,
     voice_options,
 )
@@ -57,7 +56,7 @@ def command(
         write_bytes(picture, content)
         voice.note(f"{picture} written")
     text = format_comparison(segmentations, reports, chosen_format(form, voice))
-    sys.stdout.write(text)
+    put(text)
 
 
 def _picture_format(path: str) -> str:

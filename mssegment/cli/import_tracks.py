@@ -29,4 +29,4 @@ def command(file: str, output: str | None, voice: Voice) -> None:
     from mssegment.pipeline import import_tracks
 
     document = import_tracks(file)
-    voice.deliver(document, output, describe_tracks(document), start)
+    voice.deliver(document, output, describe_tracks(document), start, "import")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import sys
+from contextlib import nullcontext
 
 import click
 
@@ -12,6 +12,7 @@ from mssegment.cli.common import (
     chosen_format,
     document_argument,
     format_option,
+    put,
     read_argument,
     settings_options,
     voice_options,
@@ -58,16 +59,15 @@ def command(
     """
     configuration = resolve(settings)
     segmentation = read_argument(document, SegmentationDocument)
-    from mssegment.cli.results import Results, claim_folder
+    from mssegment.cli.results import Results, claimed_folder
     from mssegment.rendering.tables import format_report
 
-    if out is not None:
-        claim_folder(out, force)
-    results = Results.of(segmentation, configuration)
-    if out is not None:
-        with voice.working("report"):
-            written = results.write(out)
-        voice.note(f"{', '.join(written)} in {out}")
+    with nullcontext() if out is None else claimed_folder(out, force):
+        results = Results.of(segmentation, configuration)
+        if out is not None:
+            with voice.working("report"):
+                written = results.write(out)
+            voice.note(f"{', '.join(written)} in {out}")
     if show:
         results.show()
-    sys.stdout.write(format_report(results.report, chosen_format(form, voice)))
+    put(format_report(results.report, chosen_format(form, voice)))

@@ -13,6 +13,7 @@ from mssegment.cli.common import (
     Voice,
     chosen_format,
     format_option,
+    put,
     settings_options,
     voice_options,
 )
@@ -30,7 +31,8 @@ from mssegment.documents import (
     SegmentationDocument,
     TracksDocument,
 )
-from mssegment.errors import UsageError
+from mssegment.errors import ConfigurationError, UsageError
+from mssegment.truth import check_labels
 
 if TYPE_CHECKING:
     from mssegment import pipeline
@@ -79,33 +81,33 @@ def command(
     timings.json, the annotated pictures and report.html.
     """
     configuration = _configuration(inputs, settings, assignments)
-    from mssegment.cli.results import Results, claim_folder
-
-    claim_folder(out, force)
-    from mssegment import pipeline
-
     tracks = _tracks(configuration)
-    with voice.working("read") as progress:
+    check_labels(configuration.report.labels)
+    from mssegment.cli.results import Results, claimed_folder
 
-        def on_stage(name: str, document: Document | None, timings: pipeline.Timings) -> None:
-            if document is None:
-                progress(name)
-            else:
-                voice.stage(name, _describe(document), timings.seconds[name])
-                for note in document.history[-1].notes:
-                    voice.note(note)
+    with claimed_folder(out, force):
+        from mssegment import pipeline
 
-        result = pipeline.run(configuration, tracks, threads=threads, on_stage=on_stage)
-        progress("report")
-        with result.timings.stage("report"):
-            results = Results.of(result.segmentation, configuration, result.source)
-            names = _write(result, results, out)
-    _finish(result.timings, names, out, voice)
+        with voice.working("read") as progress:
+
+            def on_stage(name: str, document: Document | None, timings: pipeline.Timings) -> None:
+                if document is None:
+                    progress(name)
+                else:
+                    voice.stage(name, _describe(document), timings.seconds[name])
+                    voice.details(document)
+
+            result = pipeline.run(configuration, tracks, threads=threads, on_stage=on_stage)
+            progress("report")
+            with result.timings.stage("report"):
+                results = Results.of(result.segmentation, configuration, result.source)
+                names = _write(result, results, out)
+        _finish(result.timings, names, out, voice)
     if profile:
         print(_profile(result.timings), file=sys.stderr)
     from mssegment.rendering.tables import format_report
 
-    sys.stdout.write(format_report(results.report, chosen_format(form, voice)))
+    put(format_report(results.report, chosen_format(form, voice)))
 
 
 def _configuration(
@@ -121,15 +123,21 @@ def _configuration(
         layers = [Setting("input.tracks", inputs[0], "TRACKS")]
     else:
         layers = [Setting("input.images", list(inputs), "IMAGE")]
-    return resolve([*layers, *settings, *from_text(assignments)])
+    configuration = resolve([*layers, *settings, *from_text(assignments)])
+    read = configuration.input
+    if read.images and read.tracks is not None:
+        raise ConfigurationError("input.images and input.tracks are both set; keep one of them")
+    if not read.images and read.tracks is None:
+        raise ConfigurationError(
+            f"{inputs[0]}: input.images is not set; name two pictures, a folder, a glob or a video"
+        )
+    return configuration
 
 
 def _tracks(configuration: Configuration) -> TracksDocument | None:
     path = configuration.input.tracks
     if path is None:
         return None
-    if configuration.input.images:
-        raise UsageError("input.images and input.tracks are both set; keep one of them")
     from mssegment import pipeline
     from mssegment.documents import read_document
 

@@ -37,8 +37,10 @@ __all__ = [
 def recognise(path: Path | str) -> DataSet:
     """The format of a file, by its content; DataError where it is none that is known."""
     path = Path(path)
-    if not path.is_file():
-        raise DataError(f"{path}: no such file")
+    if path.is_dir():
+        raise DataError(f"{path}: this is a folder, a file of tracks was expected")
+    if not path.exists():
+        raise DataError(f"{path}: no such file; check the name")
     content: Variables
     if path.suffix.lower() == ".mat":
         content, suffix = load_matlab(path), ".mat"

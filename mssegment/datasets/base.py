@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from mssegment.errors import DataError
-from mssegment.records import Camera, Floats, Frame, Integers, Tracks
+from mssegment.records import LARGEST_COORDINATE, Camera, Floats, Frame, Integers, Tracks
 
 Variables = Mapping[str, Any]
 """The variables of a Matlab file, by name."""
@@ -88,7 +88,12 @@ def size_that_holds(points: Floats) -> tuple[int, int]:
     return max(int(width), 1), max(int(height), 1)
 
 
-def check_labels(labels: npt.ArrayLike, tracks: int, where: str) -> Integers:
+def check_labels(
+    labels: npt.ArrayLike,
+    tracks: int,
+    where: str,
+    expected: str = "0 (outlier) or a motion 1, 2, ...",
+) -> Integers:
     """Labels as int64 [tracks]; DataError unless they are whole numbers from 0 up."""
     flat = np.asarray(labels).ravel()
     if len(flat) != tracks:
@@ -99,17 +104,19 @@ def check_labels(labels: npt.ArrayLike, tracks: int, where: str) -> Integers:
         raise DataError(f"{where}: labels are not numbers; expected 0, 1, 2, ...") from error
     whole = np.isfinite(numbers) & (numbers == np.round(numbers)) & (numbers >= 0)
     if not whole.all():
-        raise DataError(
-            f"{where}: label {numbers[~whole][0]:g}; expected 0 (outlier) or a motion 1, 2, ..."
-        )
+        raise DataError(f"{where}: found {numbers[~whole][0]:g}; expected {expected}")
     return numbers.astype(np.int64)
 
 
 def check_points(points: Floats, where: str) -> None:
-    """DataError unless [P, F, 2] with at least one track and two frames, and no infinity."""
+    """DataError unless [P, F, 2] of pixels with at least one track and two frames."""
     tracks, frames = points.shape[:2]
     if tracks < 1 or frames < 2:
         raise DataError(f"{where}: {tracks} tracks in {frames} frames; expected at least 1 and 2")
-    if np.isinf(points).any():
-        track, frame = np.argwhere(np.isinf(points))[0][:2]
-        raise DataError(f"{where}: track {track} is at infinity in frame {frame}; mend the file")
+    wild = np.abs(np.nan_to_num(points, nan=0.0)) > LARGEST_COORDINATE
+    if wild.any():
+        track, frame, axis = np.argwhere(wild)[0]
+        raise DataError(
+            f"{where}: track {track} is at {points[track, frame, axis]:g} in frame {frame}; "
+            f"expected pixels, at most {LARGEST_COORDINATE:g}"
+        )

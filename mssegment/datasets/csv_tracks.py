@@ -27,13 +27,9 @@ _FORMATS = "x1,y1,x2,y2[,label] or track,frame,x,y[,label]"
 
 def read_table(path: Path) -> dict[str, Floats]:
     """The columns of a CSV file of numbers, by the names in its first line."""
-    try:
-        text = path.read_text(encoding="utf-8-sig")
-    except FileNotFoundError as error:
-        raise DataError(f"{path}: no such file") from error
-    except (OSError, UnicodeDecodeError) as error:
-        raise DataError(f"{path}: cannot be read as text ({error})") from error
-    lines = [(number, row) for number, row in enumerate(csv.reader(text.splitlines()), 1) if row]
+    text = _text_of(path)
+    rows = csv.reader(text.splitlines(), delimiter=(between := _delimiter(text)))
+    lines = [(number, row) for number, row in enumerate(rows, 1) if any(map(str.strip, row))]
     if not lines:
         raise DataError(f"{path}: empty; expected a header such as {_FORMATS}")
     header = [name.strip().lower() for name in lines[0][1]]
@@ -44,8 +40,35 @@ def read_table(path: Path) -> dict[str, Floats]:
         if len(row) != len(header):
             raise DataError(f"{path}: line {number}: {len(row)} fields; expected {len(header)}")
         for column, cell in enumerate(row):
-            values[position, column] = _number(cell, path, number, header[column])
+            # where semicolons part the fields, a comma may be the decimal point
+            own = cell.replace(",", ".") if between == ";" else cell
+            values[position, column] = _number(own, path, number, header[column])
     return {name: values[:, column] for column, name in enumerate(header)}
+
+
+def _text_of(path: Path) -> str:
+    try:
+        text = path.read_text(encoding="utf-8-sig")
+    except FileNotFoundError as error:
+        raise DataError(f"{path}: no such file") from error
+    except IsADirectoryError as error:
+        raise DataError(f"{path}: this is a folder, a CSV file was expected") from error
+    except OSError as error:
+        raise DataError(f"{path}: cannot be read ({error.strerror})") from error
+    except UnicodeDecodeError as error:
+        raise DataError(f"{path}: not text in UTF-8; expected a CSV such as {_FORMATS}") from error
+    if text.lstrip().startswith("{"):
+        raise DataError(
+            f"{path}: JSON, expected a CSV such as {_FORMATS}; a tracks document needs no import, "
+            "give it to `mssegment hypothesize`"
+        )
+    return text
+
+
+def _delimiter(text: str) -> str:
+    """What parts the fields: the one of comma, semicolon and tab that the header has most of."""
+    header = next((line for line in text.splitlines() if line.strip()), "")
+    return max(",;\t", key=header.count)
 
 
 def recognises(columns: Variables) -> bool:
@@ -80,7 +103,9 @@ def _read_sightings(
 ) -> tuple[Floats, Integers | None, list[int]]:
     keys = {}
     for name in ("track", "frame"):
-        keys[name] = check_labels(columns[name], len(columns[name]), f"{path}: column '{name}'")
+        keys[name] = check_labels(
+            columns[name], len(columns[name]), f"{path}: column '{name}'", "0, 1, 2, ..."
+        )
     tracks, row = np.unique(keys["track"], return_inverse=True)
     frames, column = np.unique(keys["frame"], return_inverse=True)
     pairs, first = np.unique(np.stack([row, column]), axis=1, return_index=True)

@@ -135,4 +135,4 @@ def readable(error: msgspec.ValidationError) -> str:
     path = "$" + "".join(reversed(inner_to_outer))
     message = message.replace("`", "")
     message = message[:1].lower() + message[1:] if message.startswith("Expected") else message
-    return f"{message} at {path}"
+    return message if path == "$" else f"{message} at {path}"

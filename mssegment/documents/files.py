@@ -38,19 +38,22 @@ def read_bytes(path: str) -> bytes:
 def write_bytes(path: str, content: bytes) -> None:
     """Writes the file whole or not at all: a temporary file beside it, fsync, rename.
 
-    ``-`` is standard output. Raises UsageError where the folder is missing or not writable.
+    ``-`` is standard output. A link is followed, and what is no plain file (a device, a named
+    pipe) is written into, never replaced. Raises UsageError where it cannot be written.
     """
     if path == STANDARD:
-        sys.stdout.buffer.write(content)
-        sys.stdout.buffer.flush()
+        _write_standard(content)
         return
-    target = Path(path)
+    target = Path(os.path.realpath(path))
+    if target.is_dir():
+        raise UsageError(f"{path}: this is a folder, a file was expected; name a file in it")
+    if target.exists() and not target.is_file():
+        _write_into(path, content)
+        return
     try:
         handle, temporary = tempfile.mkstemp(prefix=f".{target.name}.", dir=target.parent)
     except OSError as error:
-        raise UsageError(
-            f"{path}: cannot be written ({error.strerror}); choose another place with -o"
-        ) from None
+        raise _cannot_write(path, error) from None
     try:
         with os.fdopen(handle, "wb") as file:
             file.write(content)
@@ -60,10 +63,36 @@ def write_bytes(path: str, content: bytes) -> None:
         os.replace(temporary, target)
     except OSError as error:
         Path(temporary).unlink(missing_ok=True)
-        raise UsageError(f"{path}: cannot be written ({error.strerror})") from None
+        raise _cannot_write(path, error) from None
     except BaseException:
         Path(temporary).unlink(missing_ok=True)
         raise
+
+
+def _write_standard(content: bytes) -> None:
+    try:
+        sys.stdout.buffer.write(content)
+        sys.stdout.buffer.flush()
+    except BrokenPipeError:
+        raise
+    except OSError as error:
+        # what is still in the buffer would fail once more when the interpreter ends
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        raise _cannot_write("standard output", error) from None
+
+
+def _write_into(path: str, content: bytes) -> None:
+    try:
+        with Path(path).open("wb") as file:
+            file.write(content)
+    except BrokenPipeError:
+        raise
+    except OSError as error:
+        raise _cannot_write(path, error) from None
+
+
+def _cannot_write(path: str, error: OSError) -> UsageError:
+    return UsageError(f"{path}: cannot be written ({error.strerror}); choose another place")
 
 
 def _umask() -> int:

@@ -13,6 +13,17 @@ from typing import Any, ClassVar
 import msgspec
 import numpy as np
 
+from mssegment.documents.checks import (
+    check_camera,
+    check_frames,
+    check_modes,
+    check_motions,
+    check_reach,
+    check_sets,
+    check_shape,
+    check_status,
+    check_tracks,
+)
 from mssegment.records import (
     Camera,
     Corners,
@@ -49,6 +60,12 @@ class Document(msgspec.Struct, kw_only=True, frozen=True, tag_field="schema"):
     camera: Camera | None = None
     history: list[HistoryEntry] = []
 
+    def __post_init__(self) -> None:
+        """Raises ValueError for frames without a size, or a camera that is none."""
+        check_frames(self.frames)
+        if self.camera is not None:
+            check_camera(self.camera)
+
 
 class CornersDocument(Document, frozen=True, tag="mssegment/corners/1"):
     """What ``detect`` writes: the corners of each frame."""
@@ -60,15 +77,19 @@ class CornersDocument(Document, frozen=True, tag="mssegment/corners/1"):
 
     def __post_init__(self) -> None:
         """Raises ValueError where the arrays do not fit the frames or one another."""
+        super().__post_init__()
         if len(self.corners) != len(self.frames):
             raise ValueError(f"{len(self.corners)} lists of corners for {len(self.frames)} frames")
         for i, corners in enumerate(self.corners):
-            _check_shape(corners.points, (None, 2), f"corners[{i}].points")
+            check_shape(corners.points, (None, 2), f"corners[{i}].points")
             count = (len(corners.points),)
-            _check_shape(corners.responses, count, f"corners[{i}].responses")
-            _check_shape(corners.scales, count, f"corners[{i}].scales")
+            check_shape(corners.responses, count, f"corners[{i}].responses")
+            check_shape(corners.scales, count, f"corners[{i}].scales")
             if not np.isfinite(corners.points).all():
                 raise ValueError(f"corners[{i}].points holds null, a corner needs both numbers")
+            check_reach(corners.points, f"corners[{i}].points")
+            if not (np.isfinite(corners.responses).all() and (corners.scales > 0).all()):
+                raise ValueError(f"corners[{i}] has a response that is null, or a scale below 0")
 
 
 class TracksDocument(Document, frozen=True, tag="mssegment/tracks/1"):
@@ -81,7 +102,8 @@ class TracksDocument(Document, frozen=True, tag="mssegment/tracks/1"):
 
     def __post_init__(self) -> None:
         """Raises ValueError where the arrays do not fit the frames or one another."""
-        _check_tracks(self.tracks, len(self.frames))
+        super().__post_init__()
+        check_tracks(self.tracks, len(self.frames))
 
 
 class HypothesesDocument(Document, frozen=True, tag="mssegment/hypotheses/1"):
@@ -100,9 +122,10 @@ class HypothesesDocument(Document, frozen=True, tag="mssegment/hypotheses/1"):
 
     def __post_init__(self) -> None:
         """Raises ValueError where the arrays do not fit the frames or one another."""
-        _check_tracks(self.tracks, len(self.frames))
-        _check_status(self.status, self.tracks)
-        _check_sets(self.sets, self.tracks, len(self.frames))
+        super().__post_init__()
+        check_tracks(self.tracks, len(self.frames))
+        check_status(self.status, self.tracks)
+        check_sets(self.sets, self.tracks, len(self.frames))
 
 
 class SegmentationDocument(Document, frozen=True, tag="mssegment/segmentation/1"):
@@ -139,16 +162,19 @@ class SegmentationDocument(Document, frozen=True, tag="mssegment/segmentation/1"
 
     def __post_init__(self) -> None:
         """Raises ValueError where the arrays do not fit the frames or one another."""
-        _check_tracks(self.tracks, len(self.frames))
-        _check_sets(self.sets, self.tracks, len(self.frames))
+        super().__post_init__()
+        check_tracks(self.tracks, len(self.frames))
+        check_sets(self.sets, self.tracks, len(self.frames))
         count = len(self.tracks.points)
-        _check_shape(self.labels, (count,), "labels")
+        check_shape(self.labels, (count,), "labels")
         if len(self.labels) and (self.labels.max() > len(self.motions) or self.labels.min() < -2):
             raise ValueError(f"labels go from -2 to {len(self.motions)}, the number of motions")
         if len(self.motions):
-            _check_shape(self.residuals, (len(self.motions), count), "residuals")
-        for i, motion in enumerate(self.motions):
-            _check_indices(motion.inliers, count, f"motions[{i}].inliers", "tracks")
+            check_shape(self.residuals, (len(self.motions), count), "residuals")
+        check_motions(self.motions, count, len(self.sets))
+        check_modes(self.modes, len(self.motions), len(self.sets))
+        for i, (own, chosen) in enumerate(zip(self.assignments, self.sets, strict=False)):
+            check_shape(own, (len(chosen.points),), f"assignments[{i}]")
 
 
 DOCUMENTS: dict[str, type[Document]] = {
@@ -157,53 +183,3 @@ DOCUMENTS: dict[str, type[Document]] = {
     "mssegment/hypotheses/1": HypothesesDocument,
     "mssegment/segmentation/1": SegmentationDocument,
 }
-
-
-def _check_shape(array: Floats | Integers, expected: tuple[int | None, ...], name: str) -> None:
-    """Raises ValueError where the shape differs; None stands for any length."""
-    fits = array.ndim == len(expected) and all(
-        want in (None, have) for want, have in zip(expected, array.shape, strict=True)
-    )
-    if not fits:
-        shape = " x ".join("n" if n is None else str(n) for n in expected)
-        found = " x ".join(str(n) for n in array.shape)
-        raise ValueError(f"{name} is {found}, {shape} was expected")
-
-
-def _check_indices(indices: Integers, count: int, name: str, things: str) -> None:
-    if indices.size and (indices.min() < 0 or indices.max() >= count):
-        raise ValueError(
-            f"{name} goes from {indices.min()} to {indices.max()}, but there are {count} {things}"
-        )
-
-
-def _check_tracks(tracks: Tracks, frames: int) -> None:
-    _check_shape(tracks.points, (None, frames, 2), "tracks.points")
-    count = len(tracks.points)
-    half_seen = np.isfinite(tracks.points).any(axis=-1) != np.isfinite(tracks.points).all(axis=-1)
-    if half_seen.any():
-        track, frame = np.argwhere(half_seen)[0]
-        raise ValueError(f"tracks.points[{track}][{frame}] has one number and one null")
-    if tracks.affines is not None:
-        _check_shape(tracks.affines, (count, 2, 2), "tracks.affines")
-    if tracks.labels is not None:
-        _check_shape(tracks.labels, (count,), "tracks.labels")
-
-
-def _check_status(status: Integers, tracks: Tracks) -> None:
-    _check_shape(status, (len(tracks.points),), "status")
-    if status.size and (status.max() > 0 or status.min() < -2):
-        raise ValueError("status holds 0 (to be segmented), -1 (background) or -2 (not judged)")
-
-
-def _check_sets(sets: list[HypothesisSet], tracks: Tracks, frames: int) -> None:
-    for i, chosen in enumerate(sets):
-        name = f"sets[{i}]"
-        if len(chosen.points) != len(chosen.subsets):
-            raise ValueError(
-                f"{name} has {len(chosen.points)} points of {len(chosen.subsets)} subsets"
-            )
-        _check_indices(chosen.subsets, len(tracks.points), f"{name}.subsets", "tracks")
-        _check_indices(np.array(chosen.frames, dtype=np.int64), frames, f"{name}.frames", "frames")
-        if not np.isfinite(chosen.points).all():
-            raise ValueError(f"{name}.points holds null, every hypothesis needs all its numbers")

@@ -1,0 +1,149 @@
+"""What must hold inside a document beyond its types: shapes, indices, numbers that can be.
+
+Each check raises ValueError with a sentence; ``documents.decode`` says in which file.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from mssegment.records import (
+    LARGEST_COORDINATE,
+    Camera,
+    Coordinates,
+    Floats,
+    Frame,
+    HypothesisSet,
+    Integers,
+    Mode,
+    Motion,
+    Tracks,
+)
+
+
+def check_shape(array: Floats | Integers, expected: tuple[int | None, ...], name: str) -> None:
+    """Raises ValueError where the shape differs; None stands for any length."""
+    fits = array.ndim == len(expected) and all(
+        want in (None, have) for want, have in zip(expected, array.shape, strict=True)
+    )
+    if not fits:
+        shape = " x ".join("n" if n is None else str(n) for n in expected)
+        found = " x ".join(str(n) for n in array.shape)
+        raise ValueError(f"{name} is {found}, {shape} was expected")
+
+
+def check_indices(indices: Integers, count: int, name: str, things: str) -> None:
+    """Raises ValueError for an index outside 0 .. ``count`` - 1."""
+    if indices.size and (indices.min() < 0 or indices.max() >= count):
+        raise ValueError(
+            f"{name} goes from {indices.min()} to {indices.max()}, but there are {count} {things}"
+        )
+
+
+def check_tracks(tracks: Tracks, frames: int) -> None:
+    """Raises ValueError where the arrays of the tracks do not fit the frames or one another."""
+    check_shape(tracks.points, (None, frames, 2), "tracks.points")
+    count = len(tracks.points)
+    half_seen = np.isfinite(tracks.points).any(axis=-1) != np.isfinite(tracks.points).all(axis=-1)
+    if half_seen.any():
+        track, frame = np.argwhere(half_seen)[0]
+        raise ValueError(f"tracks.points[{track}][{frame}] has one number and one null")
+    check_reach(tracks.points, "tracks.points")
+    if tracks.affines is not None:
+        check_shape(tracks.affines, (count, 2, 2), "tracks.affines")
+        check_reach(tracks.affines, "tracks.affines")
+    if tracks.labels is not None:
+        check_shape(tracks.labels, (count,), "tracks.labels")
+
+
+def check_status(status: Integers, tracks: Tracks) -> None:
+    """Raises ValueError for a status that is none, or not one for each track."""
+    check_shape(status, (len(tracks.points),), "status")
+    if status.size and (status.max() > 0 or status.min() < -2):
+        raise ValueError("status holds 0 (to be segmented), -1 (background) or -2 (not judged)")
+
+
+def check_sets(sets: list[HypothesisSet], tracks: Tracks, frames: int) -> None:
+    """Raises ValueError where the arrays of a set do not fit one another, tracks or frames."""
+    for i, chosen in enumerate(sets):
+        name = f"sets[{i}]"
+        if len(chosen.subsets) or len(chosen.points):
+            check_shape(chosen.subsets, (len(chosen.points), None), f"{name}.subsets")
+        check_indices(chosen.subsets, len(tracks.points), f"{name}.subsets", "tracks")
+        check_indices(np.array(chosen.frames, dtype=np.int64), frames, f"{name}.frames", "frames")
+        if not np.isfinite(chosen.points).all():
+            raise ValueError(f"{name}.points holds null, every hypothesis needs all its numbers")
+        _check_coordinates(chosen.coordinates, len(chosen.frames), f"{name}.coordinates")
+
+
+def _check_coordinates(coordinates: Coordinates, frames: int, name: str) -> None:
+    check_shape(coordinates.centres, (frames, 2), f"{name}.centres")
+    if not np.isfinite(coordinates.centres).all():
+        raise ValueError(f"{name}.centres holds null")
+    check_reach(coordinates.centres, f"{name}.centres")
+    for field, value in (("scale", coordinates.scale), ("aspect", coordinates.aspect)):
+        if not 0 < value <= LARGEST_COORDINATE:
+            raise ValueError(
+                f"{name}.{field} is {value:g}, above 0 and at most {LARGEST_COORDINATE:g} was "
+                "expected"
+            )
+    if coordinates.rotation is not None:
+        check_shape(coordinates.rotation, (3, 3), f"{name}.rotation")
+        turn = coordinates.rotation
+        if not np.allclose(turn @ turn.T, np.eye(3), atol=1e-6):
+            raise ValueError(f"{name}.rotation is no rotation")
+
+
+def check_frames(frames: list[Frame]) -> None:
+    """Raises ValueError for a frame without a size."""
+    for i, frame in enumerate(frames):
+        if not (0 < frame.width <= LARGEST_COORDINATE and 0 < frame.height <= LARGEST_COORDINATE):
+            raise ValueError(
+                f"frames[{i}] is {frame.width}x{frame.height}, a size in pixels was expected"
+            )
+
+
+def check_camera(camera: Camera) -> None:
+    """Raises ValueError for a focal length or a principal point that no camera has."""
+    for name in ("fx", "fy"):
+        if not 0 < getattr(camera, name) <= LARGEST_COORDINATE:
+            raise ValueError(f"camera.{name} is {getattr(camera, name):g}, pixels were expected")
+    for name in ("cx", "cy"):
+        if not abs(getattr(camera, name)) <= LARGEST_COORDINATE:
+            raise ValueError(f"camera.{name} is {getattr(camera, name):g}, pixels were expected")
+
+
+def check_reach(values: Floats, name: str) -> None:
+    """Raises ValueError for a number that is farther out than any picture (null is skipped)."""
+    wild = np.abs(np.nan_to_num(values, nan=0.0)) > LARGEST_COORDINATE
+    if wild.any():
+        place = np.argwhere(wild)[0]
+        where = "".join(f"[{i}]" for i in place)
+        found = f"{name}{where} is {values[tuple(place)]:g}"
+        raise ValueError(f"{found}, at most {LARGEST_COORDINATE:g} was expected")
+
+
+def check_motions(motions: tuple[Motion, ...], tracks: int, sets: int) -> None:
+    """Raises ValueError where a motion's number, set, inliers or parameters cannot be."""
+    for i, motion in enumerate(motions):
+        name = f"motions[{i}]"
+        if motion.label != i + 1:
+            raise ValueError(f"{name}.label is {motion.label}, {i + 1} was expected")
+        if not 0 <= motion.set < sets:
+            raise ValueError(f"{name}.set is {motion.set}, but there are {sets} sets")
+        check_shape(motion.inliers, (None,), f"{name}.inliers")
+        check_indices(motion.inliers, tracks, f"{name}.inliers", "tracks")
+        if not np.isfinite(motion.parameters).all():
+            raise ValueError(f"{name}.parameters holds null")
+
+
+def check_modes(modes: tuple[Mode, ...], motions: int, sets: int) -> None:
+    """Raises ValueError where a mode names a set or a motion that is not there."""
+    for i, mode in enumerate(modes):
+        name = f"modes[{i}]"
+        if not 0 <= mode.set < sets:
+            raise ValueError(f"{name}.set is {mode.set}, but there are {sets} sets")
+        if not 0 <= mode.motion <= motions:
+            raise ValueError(f"{name}.motion is {mode.motion}, but there are {motions} motions")
+        if not np.isfinite(mode.point).all():
+            raise ValueError(f"{name}.point holds null")
