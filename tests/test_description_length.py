@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 from dataclasses import replace
 from pathlib import Path
 
@@ -207,3 +208,18 @@ def test_mismatches_added_stay_outliers(data_folder: Path) -> None:
     assert len(found.motions) == 2
     truth = np.concatenate([labels, np.zeros(len(added), dtype=np.int64)])
     assert misclassification(found.labels, truth) <= 0.02
+
+
+def test_true_labels_cannot_be_read() -> None:
+    for function in (hypothesize, cluster):
+        assert "labels" not in inspect.signature(function).parameters
+        assert "truth" not in inspect.signature(function).parameters
+
+
+def test_auto_says_what_it_chose() -> None:
+    points, labels = two_bodies(7)
+    found = segment(points, model="auto", granularity="auto")
+    assert {motion.model for motion in found.motions} <= {"affine", "homography"}
+    assert any(note.startswith("granularity auto:") for note in found.notes)
+    assert any(note.startswith("models chosen:") for note in found.notes)
+    assert misclassification(found.labels, labels) <= 0.05
