@@ -11,13 +11,14 @@ import argparse
 import json
 from collections.abc import Iterator
 
-from benchmarks import speed_estimator, speed_large, speed_peers
+from benchmarks import speed_commands, speed_estimator, speed_large, speed_peers
 from benchmarks.timing import Row, Rows
 
 SUITES: dict[str, Rows] = {
     "estimator": speed_estimator.rows,
     "large": speed_large.rows,
     "peers": speed_peers.rows,
+    "commands": speed_commands.rows,
 }
 
 
