@@ -26,7 +26,7 @@ from mssegment.documents import (
     TracksDocument,
 )
 from mssegment.errors import ConfigurationError
-from mssegment.records import Camera, Floats, Frame, HypothesisSet
+from mssegment.records import Camera, Floats, Frame, HypothesisSet, Segmentation
 
 if TYPE_CHECKING:
     from mssegment.imaging.frames import FrameSource
@@ -140,6 +140,7 @@ def match(
 def hypothesize(document: TracksDocument, configuration: Configuration) -> HypothesesDocument:
     """Stage 3: background, elemental subsets, and hypotheses on the manifold of the model."""
     from mssegment.segmentation.background import find_background
+    from mssegment.stage_checks import nothing_moves
 
     camera = camera_of(configuration.camera) or document.camera
     points = straight(document.tracks.points, camera)
@@ -149,14 +150,19 @@ def hypothesize(document: TracksDocument, configuration: Configuration) -> Hypot
         remove=configuration.background.remove,
         min_displacement=configuration.background.min_displacement,
     )
-    sets = _draw_sets(points, camera, background, configuration)
+    notes = background.notes
+    if nothing_moves(background.status, configuration.hypothesize.model):
+        sets: list[HypothesisSet] = []
+        notes = (*notes, "nothing else moves: there is no motion to look for")
+    else:
+        sets = _draw_sets(points, camera, background, configuration)
     return HypothesesDocument(
         frames=document.frames,
         camera=camera,
         tracks=document.tracks,
         status=background.status,
         sets=sets,
-        history=[*document.history, _entry("hypothesize", configuration, background.notes)],
+        history=[*document.history, _entry("hypothesize", configuration, notes)],
     )
 
 
@@ -207,7 +213,11 @@ def cluster(
 ) -> SegmentationDocument:
     """Stage 4: modes, motions, labels."""
     from mssegment.segmentation import cluster as segment
+    from mssegment.stage_checks import check_sets, no_motion, nothing_moves
 
+    if nothing_moves(document.status, configuration.hypothesize.model):
+        return _segmentation(document, no_motion(document.status), configuration)
+    check_sets(document.sets)
     found = segment(
         straight(document.tracks.points, document.camera),
         document.sets,
@@ -222,6 +232,12 @@ def cluster(
         rng=_random("cluster", configuration),
         threads=threads,
     )
+    return _segmentation(document, found, configuration)
+
+
+def _segmentation(
+    document: HypothesesDocument, found: Segmentation, configuration: Configuration
+) -> SegmentationDocument:
     return SegmentationDocument(
         frames=document.frames,
         camera=document.camera,

@@ -16,6 +16,7 @@ FLOORS = [
     {"motions", "evaluation"},
     {"meanshift", "imaging", "datasets", "documents", "configuration"},
     {"hypotheses", "segmentation", "rendering", "truth"},
+    {"stage_checks"},
     {"pipeline"},
     {"benchmarking"},
     {"cli"},

@@ -5,6 +5,7 @@ Precedence: option > environment (``MSSEGMENT_CLUSTER_BANDWIDTH``) > config > de
 
 from __future__ import annotations
 
+import contextlib
 import difflib
 import math
 import os
@@ -260,14 +261,17 @@ def _convert(setting: Setting) -> Any:
     value = setting.value
     if isinstance(value, str) and "..." in key.choices:
         value = [value]
+    if isinstance(value, str) and "NUMBER" in key.choices:
+        # YAML 1.1 takes 1e-2 for text, people do not
+        with contextlib.suppress(ValueError):
+            value = float(value)
     if isinstance(value, float) and not math.isfinite(value):
         raise setting.error(f"{setting.origin}: {setting.key} is {value}, which is no number")
     try:
         return msgspec.convert(value, key.type)
-    except msgspec.ValidationError as error:
-        reason = str(error).split(" - at ")[0].replace("`", "")
+    except msgspec.ValidationError:
         raise setting.error(
-            f"{setting.origin}: {setting.key} is {value!r}, {key.choices} was expected ({reason})"
+            f"{setting.origin}: {setting.key} is {value!r}, {key.expected} was expected"
         ) from None
 
 

@@ -67,7 +67,8 @@ class DetectSettings(Section, frozen=True):
         ),
     ] = "auto"
     max_corners: Annotated[
-        Auto | Annotated[int, Meta(ge=1)], Meta(description="At most so many corners a frame.")
+        Auto | Annotated[int, Meta(ge=1)],
+        Meta(description="At most so many corners a frame, on the finest level."),
     ] = "auto"
     quality: Annotated[
         Auto | Annotated[float, Meta(gt=0, lt=1)],
@@ -121,7 +122,7 @@ class HypothesizeSettings(Section, frozen=True):
         Meta(description="Rank of a motion's subspace for factorization: 3 planar, 4 general."),
     ] = "auto"
     count: Annotated[
-        Auto | Annotated[int, Meta(ge=1)],
+        Auto | Annotated[int, Meta(ge=1, le=1_000_000)],
         Meta(description="Hypotheses to draw; auto: until the outcome settles."),
     ] = "auto"
     sampling: Annotated[
@@ -213,6 +214,12 @@ class Key:
         """What may be given, for people: ``auto|NUMBER``."""
         return "|".join(_choices(self.type))
 
+    @property
+    def expected(self) -> str:
+        """The same as a phrase with the range: ``auto|INTEGER (at least 1 and at most 8)``."""
+        limits = " and ".join(_limits(self.type))
+        return f"{self.choices} ({limits})" if limits else self.choices
+
 
 def _choices(kind: Any) -> list[str]:
     origin = get_origin(kind)
@@ -226,6 +233,20 @@ def _choices(kind: Any) -> list[str]:
         return [word for part in get_args(kind) for word in _choices(part)]
     words = {bool: ["yes", "no"], int: ["INTEGER"], float: ["NUMBER"], str: ["TEXT"]}
     return words.get(kind, ["none"])
+
+
+def _limits(kind: Any) -> list[str]:
+    """The range of the numbers in a type, in words."""
+    words = {"gt": "more than", "ge": "at least", "lt": "less than", "le": "at most"}
+    own = [
+        f"{word} {getattr(meta, name):g}"
+        for meta in get_args(kind)[1:]
+        if isinstance(meta, Meta)
+        for name, word in words.items()
+        if getattr(meta, name) is not None
+    ]
+    parts = get_args(kind) if get_origin(kind) is not Literal else ()
+    return [limit for part in parts for limit in _limits(part)] + own
 
 
 def _keys_of(section: type[Section], prefix: str) -> dict[str, Key]:
