@@ -19,11 +19,30 @@ from typing import Literal
 
 import numpy as np
 
+from mssegment.benchmarking.catalogue import BENCHMARKS, Benchmark, Published
+from mssegment.benchmarking.disturbance import resampled, shuffled_in_time, uniform_mismatches
 from mssegment.configuration import Configuration, Setting, resolve
 from mssegment.datasets import DATASETS, ImportedTracks
 from mssegment.errors import UsageError
 from mssegment.evaluation import misclassification
 from mssegment.records import Floats, Integers, Tracks
+
+__all__ = [
+    "BENCHMARKS",
+    "Benchmark",
+    "Case",
+    "GroupSummary",
+    "Options",
+    "Published",
+    "SequenceResult",
+    "number_of_results",
+    "resampled",
+    "run_benchmark",
+    "run_case",
+    "shuffled_in_time",
+    "summarise",
+    "uniform_mismatches",
+]
 
 Motions = Literal["auto", "given"]
 
@@ -31,94 +50,6 @@ SMALLEST_SINGLE_GROUP = 13
 """Tracks of a true group below which it is no sequence of its own."""
 _SUBSET = re.compile(r"_g\d\d$")
 _THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
-
-
-@dataclass(frozen=True)
-class Published:
-    """A figure of the literature: mean misclassification in per cent on ``group``."""
-
-    method: str
-    group: str
-    mean: str
-    source: str
-
-
-@dataclass(frozen=True)
-class Benchmark:
-    """How a data set is run: settings for all, settings by group, and what others published."""
-
-    dataset: str
-    settings: dict[str, object]
-    by_group: dict[str, dict[str, object]]
-    published: tuple[Published, ...]
-
-
-BENCHMARKS: dict[str, Benchmark] = {
-    entry.dataset: entry
-    for entry in (
-        Benchmark(
-            "hopkins155",
-            # a background is one of the motions to be found
-            {"hypothesize.model": "factorization", "background.remove": False},
-            {},
-            (
-                Published(
-                    "RSIM (count given, 155 sequences)",
-                    "all",
-                    "0.79-0.89",
-                    "Ji, Salzmann, Li: Shape interaction matrix revisited and robustified. "
-                    "ICCV 2015",
-                ),
-                Published(
-                    "SSC (count given, 155 sequences)",
-                    "all",
-                    "about 2",
-                    "Elhamifar, Vidal: Sparse subspace clustering. PAMI 2013",
-                ),
-            ),
-        ),
-        Benchmark(
-            "kt3dmoseg",
-            {"hypothesize.model": "factorization", "background.remove": False},
-            {},
-            (
-                Published(
-                    "multi-view spectral clustering (count given, 22 clips)",
-                    "all",
-                    "about 8",
-                    "Xu, Cheong, Li: Motion segmentation by exploiting complementary geometric "
-                    "models. CVPR 2018",
-                ),
-            ),
-        ),
-        Benchmark(
-            "adelaidermf",
-            {"background.remove": False},
-            {
-                "motion": {"segment.granularity": "object"},
-                "plane": {
-                    "segment.granularity": "surface",
-                    "hypothesize.model": "homography",
-                },
-            },
-            (
-                Published(
-                    "Progressive-X (count unknown, 19 pairs)",
-                    "motion",
-                    "10.9",
-                    "Barath, Matas: Progressive-X. ICCV 2019",
-                ),
-                Published(
-                    "Progressive-X (count unknown, 17 pairs)",
-                    "plane",
-                    "6.4",
-                    "Barath, Matas: Progressive-X. ICCV 2019",
-                ),
-            ),
-        ),
-    )
-}
-"""The data sets that ``mssegment benchmark`` knows."""
 
 
 @dataclass(frozen=True)
@@ -299,29 +230,6 @@ def add_outliers(
         )
     zeros = np.zeros(len(added), dtype=np.int64)
     return np.concatenate([points, added]), np.concatenate([labels, zeros])
-
-
-def uniform_mismatches(points: Floats, count: int, rng: np.random.Generator) -> Floats:
-    """Tracks [count, F, 2], every position uniform over the box of all positions in its frame."""
-    low, high = np.nanmin(points, axis=0), np.nanmax(points, axis=0)
-    return rng.uniform(low, high, (count, *points.shape[1:]))
-
-
-def shuffled_in_time(points: Floats, count: int, rng: np.random.Generator) -> Floats:
-    """Some of the tracks with the positions where they are seen in another order."""
-    tracks = points[rng.integers(len(points), size=count)].copy()
-    for track in tracks:
-        seen = np.flatnonzero(np.isfinite(track).all(axis=1))
-        track[seen] = track[rng.permutation(seen)]
-    return tracks
-
-
-def resampled(tracks: Floats, frames: int) -> Floats:
-    """Complete tracks [n, F, 2] over another number of frames, by linear interpolation."""
-    place = np.linspace(0, tracks.shape[1] - 1, frames)
-    before = np.minimum(place.astype(int), tracks.shape[1] - 2)
-    share = (place - before)[:, None]
-    return np.asarray(tracks[:, before] * (1 - share) + tracks[:, before + 1] * share)
 
 
 def _foreign_tracks(

@@ -1,0 +1,93 @@
+"""The data sets that ``mssegment benchmark`` knows: settings, and what others published."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Published:
+    """A figure of the literature: mean misclassification in per cent on ``group``."""
+
+    method: str
+    group: str
+    mean: str
+    source: str
+
+
+@dataclass(frozen=True)
+class Benchmark:
+    """How a data set is run: settings for all, settings by group, and what others published."""
+
+    dataset: str
+    settings: dict[str, object]
+    by_group: dict[str, dict[str, object]]
+    published: tuple[Published, ...]
+
+
+BENCHMARKS: dict[str, Benchmark] = {
+    entry.dataset: entry
+    for entry in (
+        Benchmark(
+            "hopkins155",
+            # a background is one of the motions to be found
+            {"hypothesize.model": "factorization", "background.remove": False},
+            {},
+            (
+                Published(
+                    "RSIM (count given, 155 sequences)",
+                    "all",
+                    "0.79-0.89",
+                    "Ji, Salzmann, Li: Shape interaction matrix revisited and robustified. "
+                    "ICCV 2015",
+                ),
+                Published(
+                    "SSC (count given, 155 sequences)",
+                    "all",
+                    "about 2",
+                    "Elhamifar, Vidal: Sparse subspace clustering. PAMI 2013",
+                ),
+            ),
+        ),
+        Benchmark(
+            "kt3dmoseg",
+            {"hypothesize.model": "factorization", "background.remove": False},
+            {},
+            (
+                Published(
+                    "multi-view spectral clustering (count given, 22 clips)",
+                    "all",
+                    "about 8",
+                    "Xu, Cheong, Li: Motion segmentation by exploiting complementary geometric "
+                    "models. CVPR 2018",
+                ),
+            ),
+        ),
+        Benchmark(
+            "adelaidermf",
+            {"background.remove": False},
+            {
+                "motion": {"segment.granularity": "object"},
+                "plane": {
+                    "segment.granularity": "surface",
+                    "hypothesize.model": "homography",
+                },
+            },
+            (
+                Published(
+                    "Progressive-X (count unknown, 19 pairs)",
+                    "motion",
+                    "10.9",
+                    "Barath, Matas: Progressive-X. ICCV 2019",
+                ),
+                Published(
+                    "Progressive-X (count unknown, 17 pairs)",
+                    "plane",
+                    "6.4",
+                    "Barath, Matas: Progressive-X. ICCV 2019",
+                ),
+            ),
+        ),
+    )
+}
+"""The data sets that ``mssegment benchmark`` knows."""
