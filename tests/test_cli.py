@@ -455,3 +455,32 @@ def test_help_of_every_command(name: str, call: Call) -> None:
 def test_the_installed_command_starts() -> None:
     done = subprocess.run(["mssegment", "--version"], capture_output=True, text=True, check=True)
     assert done.stdout.startswith("mssegment, version ")
+
+
+def test_labels_are_read_before_the_long_stages_and_no_folder_is_left(
+    tmp_path: Path, call: Call
+) -> None:
+    out = tmp_path / "out"
+    outcome = call("run", *AFFINE, "--labels", str(tmp_path / "none.csv"), "--out", str(out))
+    assert outcome.status == ExitStatus.DATA
+    assert len(outcome.err.splitlines()) == 1
+    blank = write_picture(tmp_path / "blank.png", np.full((120, 160), 90, np.uint8))
+    assert call("run", blank, blank, "--out", str(out)).status == ExitStatus.DATA
+    assert not out.exists()
+
+
+def test_verbose_says_the_settings_of_the_stage(tracks_csv: str, call: Call) -> None:
+    tracks = call("import", tracks_csv).out
+    assert "hypothesize.sampling = local" in call("hypothesize", "-v", stdin=tracks).err
+    assert "hypothesize.sampling" not in call("hypothesize", stdin=tracks).err
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="no /dev/full here")
+def test_a_full_disk_is_one_line(tracks_csv: str) -> None:
+    with open("/dev/full", "wb") as full:
+        done = subprocess.run(
+            [*MSSEGMENT, "import", tracks_csv], stdout=full, stderr=subprocess.PIPE, text=True
+        )
+    assert done.returncode == ExitStatus.USAGE
+    assert done.stderr.startswith("mssegment: standard output: cannot be written")
+    assert len(done.stderr.splitlines()) == 1

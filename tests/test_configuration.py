@@ -74,7 +74,10 @@ def test_one_path_may_stand_for_a_list() -> None:
     [
         ("cluster:\n  bandwith: 1\n", ":2:3: unknown key cluster.bandwith; did you mean cluster.b"),
         ("clutser:\n  bandwidth: 1\n", ":1:1: unknown key clutser"),
-        ("cluster:\n  bandwidth: -1\n", ":2:3: cluster.bandwidth is -1, auto|NUMBER (more than 0) was expected"),
+        (
+            "cluster:\n  bandwidth: -1\n",
+            ":2:3: cluster.bandwidth is -1, auto|NUMBER (more than 0) was expected",
+        ),
         ("cluster: {bandwidth: .nan}\n", "cluster.bandwidth is nan"),
         ("cluster: {bandwidth: .inf}\n", "cluster.bandwidth is inf"),
         ("cluster: {kernel: round}\n", "gaussian|truncated|epanechnikov was expected"),
@@ -175,3 +178,8 @@ def test_a_camera_file_holds_a_camera_and_nothing_else(tmp_path: Path) -> None:
     both = [Setting("camera.file", "a.yaml", "test"), Setting("camera.fx", 3.0, "test")]
     with pytest.raises(ConfigurationError, match=r"camera.file and camera.fx are both set"):
         camera_of(resolve(both).camera)
+
+
+def test_a_number_with_an_exponent_is_a_number() -> None:
+    # YAML 1.1 reads 1e-2 as text
+    assert resolve(from_text(["cluster.bandwidth=1e-2"])).cluster.bandwidth == 0.01

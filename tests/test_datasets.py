@@ -229,3 +229,20 @@ def test_located_labels_from_a_file(tmp_path: Path) -> None:
     path.write_text("x,y\n1,2\n")
     with pytest.raises(DataError, match="x,y,label"):
         datasets.read_located_labels(path)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "\ufeffX1; Y1;x2;Y2;Label\r\n\r\n1,5;2;3;4;1\r\n",
+        "x1\ty1\tx2\ty2\tlabel\n1.5\t2\t3\t4\t1\n",
+        "x1,y1,x2,y2,label\n , \n1.5,2,3,4,1\n",
+    ],
+)
+def test_csv_as_spreadsheets_write_it(tmp_path: Path, text: str) -> None:
+    path = tmp_path / "tracks.csv"
+    path.write_text(text, encoding="utf-8")
+    found = datasets.read(path).tracks
+    assert found.points.tolist() == [[[1.5, 2.0], [3.0, 4.0]]]
+    assert found.labels is not None
+    assert found.labels.tolist() == [1]

@@ -182,6 +182,8 @@ INFINITY = base64.b64encode(np.full((3, 2, 2), np.inf).tobytes()).decode()
         (change(["tracks", "labels"], [1, 2]), "tracks.labels is 2"),
         (change(["tracks", "labels", 0], 1.5), "expected int, got float at $.tracks.labels[0]"),
         (change(["frames", 0, "width"], "w"), "expected int, got str at $.frames[0].width"),
+        (change(["frames", 0, "width"], -5), "frames[0] is -5x480"),
+        (change(["tracks", "points", 1, 0, 1], 1e300), "points[1][0][1] is 1e+300, at most 1e+06"),
         (change(["tracks"], {}), "missing required field points at $.tracks"),
         (change(["schema"], "mssegment/tracks/9"), "unknown schema 'mssegment/tracks/9'"),
         (change(["schema"], "mssegment/corners/1"), "run `mssegment match` on it first"),
@@ -250,6 +252,18 @@ def test_a_file_is_written_whole_or_not_at_all(
         write_document(str(target), tracks_document(np.ones((3, 2, 2))))
     assert target.read_text() == "before"
     assert [path.name for path in tmp_path.iterdir()] == ["tracks.json"]
+
+
+def test_a_link_is_followed_and_a_device_is_never_replaced(tmp_path: Path) -> None:
+    (tmp_path / "real.json").write_text("old")
+    (tmp_path / "link.json").symlink_to(tmp_path / "real.json")
+    write_document(str(tmp_path / "link.json"), tracks_document(np.ones((1, 2, 2))))
+    assert (tmp_path / "link.json").is_symlink()
+    assert (tmp_path / "real.json").read_text().startswith("{")
+    write_document(os.devnull, tracks_document(np.ones((1, 2, 2))))
+    assert not Path(os.devnull).is_file()
+    with pytest.raises(UsageError, match="this is a folder"):
+        write_document(str(tmp_path), tracks_document(np.ones((1, 2, 2))))
 
 
 def test_a_written_file_has_the_permissions_of_the_user(tmp_path: Path) -> None:

@@ -73,6 +73,7 @@ def check_sets(sets: list[HypothesisSet], tracks: Tracks, frames: int) -> None:
         check_indices(np.array(chosen.frames, dtype=np.int64), frames, f"{name}.frames", "frames")
         if not np.isfinite(chosen.points).all():
             raise ValueError(f"{name}.points holds null, every hypothesis needs all its numbers")
+        check_reach(chosen.points, f"{name}.points")
         _check_coordinates(chosen.coordinates, len(chosen.frames), f"{name}.coordinates")
 
 
