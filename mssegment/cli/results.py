@@ -30,8 +30,8 @@ def claimed_folder(out: str, force: bool) -> Iterator[None]:
     Raises UsageError where it is in use already and ``force`` is not set, or cannot be written.
     """
     is_new = not Path(out).exists()
-    _claim(out, force)
     try:
+        _claim(out, force)
         yield
     except BaseException:
         if is_new:
@@ -49,8 +49,10 @@ def _claim(out: str, force: bool) -> None:
     try:
         folder.mkdir(parents=True, exist_ok=True)
         probe = folder / ".mssegment"
-        probe.touch()
-        probe.unlink()
+        try:
+            probe.touch()
+        finally:
+            probe.unlink(missing_ok=True)
     except OSError as error:
         raise UsageError(f"{out}: cannot be written ({error.strerror}); choose another") from None
 
