@@ -60,6 +60,18 @@ def test_one_body_stays_one_however_dense_its_matches() -> None:
     assert len(segment(points).motions) == 1
 
 
+@pytest.mark.parametrize("frames", [2, 5])
+@pytest.mark.parametrize("noise", [0.0, 1.0])
+def test_a_shift_that_all_tracks_share_is_one_motion(frames: int, noise: float) -> None:
+    rng = np.random.default_rng(0)
+    shift = np.arange(frames)[:, None] * np.array([20.0, 5.0])
+    points = rng.uniform(0, 400, (60, 1, 2)) + shift
+    points[:, 1:] += rng.normal(0, noise, (60, frames - 1, 2))
+    found = segment(points, "affine" if frames == 2 else "factorization")
+    assert len(found.motions) == 1
+    assert (found.labels == 1).mean() > 0.9
+
+
 def test_mismatches_alone_are_no_motion() -> None:
     points = np.random.default_rng(3).uniform([0, 0], [640, 480], (120, 2, 2))
     points[:3] = [[[100, 100], [110, 100]], [[120, 100], [130, 100]], [[100, 120], [110, 120]]]

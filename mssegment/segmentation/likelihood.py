@@ -95,15 +95,21 @@ def uniform_cost(points: Floats) -> float:
     """Nats per track [P, F, 2] when nothing predicts it but the extent of all tracks.
 
     Frame by frame, the shorter of two codes: uniform over the box that holds all points, or over
-    the box that holds all displacements from the frame before. Of two views the first is given;
-    of more, every frame is described.
+    the disc of displacements from the frame before that are no longer than the longest. (The box
+    that holds the displacements would know where one motion of all tracks goes.) Of two views the
+    first is given; of more, every frame is described.
     """
     frames = points.shape[1]
     cost = sum(
-        min(_log_area(points[:, f]), _log_area(points[:, f] - points[:, f - 1]))
+        min(_log_area(points[:, f]), _log_disc(points[:, f] - points[:, f - 1]))
         for f in range(1, frames)
     )
     return cost + (_log_area(points[:, 0]) if frames > 2 else 0.0)
+
+
+def _log_disc(displacements: Floats) -> float:
+    longest = float(np.linalg.norm(displacements, axis=-1).max(initial=1.0))
+    return float(np.log(np.pi) + 2 * np.log(longest))
 
 
 def _log_area(points: Floats) -> float:
