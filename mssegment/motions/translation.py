@@ -8,11 +8,13 @@ import numpy as np
 
 from mssegment import manifolds
 from mssegment.motions.base import Flags, MotionModel
-from mssegment.records import Camera, Coordinates, Floats
+from mssegment.records import Camera, Coordinates, Floats, Integers
 
 LEAST_SINE = 0.01
 """Sine of the angle between the two rows below which their cross product is noise."""
 GAUSS_NEWTON_ROUNDS = 8
+CONVERGED = 1e-6
+"""Relative change of the error at which a fit is done."""
 
 
 class Translation(MotionModel):
@@ -66,20 +68,27 @@ class Translation(MotionModel):
         points, sound = self.algebraic_fit(observed, weights)
         direction = points[..., 0]
         damping = np.full(len(weights), 1e-3)
-        error, jacobian = sampson(direction, observed)
+        weights, matches = _concentrated(weights, observed)
+        error, jacobian = sampson(direction, matches)
         cost = (weights * error**2).sum(axis=1)
+        moving = np.arange(len(weights))
         for _ in range(GAUSS_NEWTON_ROUNDS):
-            step = _sphere_step(direction, weights, error, jacobian, damping)
-            proposed = direction + step
+            own, here = weights[moving], _of(matches, moving)
+            step = _sphere_step(direction[moving], own, error, jacobian, damping[moving])
+            proposed = direction[moving] + step
             proposed /= np.linalg.norm(proposed, axis=1, keepdims=True)
-            new_error, new_jacobian = sampson(proposed, observed)
-            new_cost = (weights * new_error**2).sum(axis=1)
-            better = new_cost < cost
-            direction = np.where(better[:, None], proposed, direction)
-            error = np.where(better[:, None], new_error, error)
-            jacobian = np.where(better[:, None, None], new_jacobian, jacobian)
-            cost = np.where(better, new_cost, cost)
-            damping = np.where(better, damping / 10, damping * 10)
+            new_error, new_jacobian = sampson(proposed, here)
+            new_cost = (own * new_error**2).sum(axis=1)
+            better = new_cost < cost[moving]
+            settled = np.abs(new_cost - cost[moving]) <= CONVERGED * cost[moving]
+            direction[moving[better]] = proposed[better]
+            cost[moving[better]] = new_cost[better]
+            damping[moving] *= np.where(better, 0.1, 10.0)
+            error = np.where(better[:, None], new_error, error)[~settled]
+            jacobian = np.where(better[:, None, None], new_jacobian, jacobian)[~settled]
+            moving = moving[~settled]
+            if not len(moving):
+                break
         return direction[..., None], sound
 
     def algebraic_fit(self, observed: Floats, weights: Floats) -> tuple[Floats, Flags]:
@@ -118,9 +127,9 @@ def constraint_rows(observed: Floats) -> Floats:
 def _gradient_square(directions: Floats, observed: Floats) -> Floats:
     """Squared gradient of (25) by the four coordinates of a match, [B, P]."""
     t = directions[:, None, :]
-    total = np.zeros((len(directions), len(observed)))
+    total = np.zeros((len(directions), observed.shape[-3]))
     for view in (0, 1):
-        x, y = observed[:, view, 0], observed[:, view, 1]
+        x, y = observed[..., view, 0], observed[..., view, 1]
         total += (t[..., 2] * y - t[..., 1]) ** 2 + (t[..., 2] * x - t[..., 0]) ** 2
     return total
 
@@ -128,22 +137,39 @@ def _gradient_square(directions: Floats, observed: Floats) -> Floats:
 def sampson(directions: Floats, observed: Floats) -> tuple[Floats, Floats]:
     """Signed Sampson distances [B, P] and their derivatives by the unit directions [B, P, 3].
 
-    ``observed`` [P, 2, 2] and the distances are in normalised coordinates.
+    ``observed``, [P, 2, 2] or [B, P, 2, 2], and the distances are in normalised coordinates.
     """
     rows = constraint_rows(observed)
     square = np.maximum(_gradient_square(directions, observed), 1e-18)
     length = np.sqrt(square)
-    error = directions @ rows.T / length
+    error = (rows @ directions[:, :, None])[..., 0] / length
     t = directions[:, None, :]
     half_slope = np.zeros((*square.shape, 3))
     for view in (0, 1):
-        x, y = observed[:, view, 0], observed[:, view, 1]
+        x, y = observed[..., view, 0], observed[..., view, 1]
         across, down = t[..., 2] * x - t[..., 0], t[..., 2] * y - t[..., 1]
         half_slope[..., 0] -= across
         half_slope[..., 1] -= down
         half_slope[..., 2] += across * x + down * y
     jacobian = rows / length[..., None] - (error / square)[..., None] * half_slope
     return error, jacobian
+
+
+def _concentrated(weights: Floats, observed: Floats) -> tuple[Floats, Floats]:
+    """Weights [B, n] and matches [B, n, 2, 2] without most of those that weigh nothing.
+
+    All as they are, [B, P] and [P, 2, 2], where many matches weigh.
+    """
+    most = max(int((weights > 0).sum(axis=1).max(initial=0)), 1)
+    if 2 * most > weights.shape[1]:
+        return weights, observed
+    places = np.argpartition(-weights, most - 1, axis=1)[:, :most]
+    return np.take_along_axis(weights, places, axis=1), observed[places]
+
+
+def _of(matches: Floats, index: Integers) -> Floats:
+    """The matches of the fits ``index`` where each fit has its own."""
+    return matches if matches.ndim == 3 else matches[index]
 
 
 def _sphere_step(

@@ -13,7 +13,7 @@ import numpy as np
 
 from mssegment.records import Floats, Integers
 from mssegment.segmentation.candidates import Candidates, Family
-from mssegment.segmentation.labelling import frequency_cost, frequency_labels, neighbour_cost
+from mssegment.segmentation.labelling import frequency_labels, neighbour_cost, smooth_labels
 
 QUANTUM = 0.5 * float(np.log(12.0)) - 0.5
 """Nats that the best precision saves per parameter (Wallace and Freeman, 1987)."""
@@ -50,25 +50,33 @@ class Description:
     def _labelled(self, chosen: Candidates) -> tuple[Integers, float]:
         """The labels, and what they save without the price of the motions."""
         labels, value = frequency_labels(chosen.gains, self.label_cost, self.nearest is not None)
-        if self.nearest is not None and self.label_cost:
-            value += frequency_cost(labels) - neighbour_cost(labels, self.nearest)
-        return labels, value
+        if self.nearest is None or not self.label_cost or not len(chosen):
+            return labels, value
+        if len(chosen) > 1:
+            labels = smooth_labels(chosen.gains, self.nearest, labels)
+        won = labels > 0
+        value = float(chosen.gains[labels[won] - 1, np.flatnonzero(won)].sum())
+        return labels, value - neighbour_cost(labels, self.nearest)
 
     def saved(self, chosen: Candidates) -> float:
         """Nats that the motions ``chosen`` save altogether; less than nothing where forbidden."""
-        labels, _ = self._labelled(chosen)
+        labels, value = self._labelled(chosen)
         count = np.bincount(labels, minlength=len(chosen) + 1)[1:]
         least = [CONFIRMED * self.families[int(v)].view.model.subset_size for v in chosen.views]
         forbidden = float((count < least).sum())
         # a motion that wins no track is none, whatever the user asked for
         motions = int((count > 0).sum())
         violation = max(self.fewest - motions, len(chosen) - self.most, 0.0)
-        return self.worth(chosen) - FORBIDDEN * (forbidden + 1e3 * violation)
+        price = self._prices(chosen, labels)
+        return value - price - FORBIDDEN * (forbidden + 1e3 * violation)
 
     def worth(self, chosen: Candidates) -> float:
         """Nats that the motions ``chosen`` save, allowed or not."""
         labels, value = self._labelled(chosen)
-        return value - sum(self._price(chosen, k, labels == k + 1) for k in range(len(chosen)))
+        return value - self._prices(chosen, labels)
+
+    def _prices(self, chosen: Candidates, labels: Integers) -> float:
+        return sum(self._price(chosen, k, labels == k + 1) for k in range(len(chosen)))
 
     def _price(self, chosen: Candidates, k: int, inliers: Integers) -> float:
         """Nats to state motion ``k``: each parameter to the precision that its inliers give.

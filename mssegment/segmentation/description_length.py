@@ -136,7 +136,7 @@ def make_families(problem: Problem, recipe: Recipe) -> list[Family]:
         model = view.model
         free = model.free_extent(view.observed, view.hypotheses.coordinates)
         predicts_points = free == 0
-        floor, cap = scale_range(problem.points, predicts_points)
+        floor, cap = scale_range(problem.points, predicts_points, model.needs_camera)
         noise = Noise(
             model.residual_dimension,
             model.residual_terms,

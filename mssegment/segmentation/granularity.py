@@ -19,8 +19,10 @@ LEAST_SCALE = 1e-6
 SURFACE = (0.00125, 0.006)
 """Floor and cap of the scale of a motion that predicts points, over the diagonal of the box that
 holds them: 1 to 5 pixels in 640 x 480. No wall is quite flat."""
-EXACT = (0.0003, 0.001)
-"""The same for motions that leave parallax free: they need no more than the noise of corners."""
+PARALLEL = (0.0003, 0.001)
+"""The same for motions that leave parallax free under an affine camera, which is nearly true."""
+EXACT = (0.0001, 0.001)
+"""The same under a calibrated camera: no more than the noise of corners."""
 PARALLAX = 0.03
 """Parallax inside a body that is noise, over its displacement."""
 
@@ -47,10 +49,12 @@ def diagonal(points: Floats) -> float:
     return float(np.hypot(*np.ptp(points.reshape(-1, 2), axis=0))) if len(points) else 1.0
 
 
-def scale_range(points: Floats, predicts_points: bool) -> tuple[float, float]:
+def scale_range(
+    points: Floats, predicts_points: bool, calibrated: bool = False
+) -> tuple[float, float]:
     """Least and largest scale of a motion's residuals, pixels, for the tracks [P, F, 2]."""
     extent = diagonal(points)
-    floor, cap = SURFACE if predicts_points else EXACT
+    floor, cap = SURFACE if predicts_points else EXACT if calibrated else PARALLEL
     return max(floor * extent, LEAST_SCALE), max(cap * extent, LEAST_SCALE)
 
 

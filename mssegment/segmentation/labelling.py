@@ -16,10 +16,14 @@ from mssegment.records import Floats, Integers
 
 TURNS = 12
 """Turns of labels and their prices; they settle in 2 to 5."""
+SMOOTHING = 4
+"""Turns of it inside the search."""
 NEIGHBOURS = 8
 """Nearest assigned tracks that predict a label."""
 PRIOR = 0.5
 """Count that each label has before anything is seen (Krichevsky and Trofimov)."""
+STRAY = 0.1
+"""The same inside the search for motions that leave parallax free: their bodies are coherent."""
 
 
 def frequency_labels(
@@ -65,8 +69,31 @@ def neighbour_cost(labels: Integers, nearest: Integers) -> float:
     around = labels[nearest]
     same = (around == labels[:, None]).sum(axis=1)
     known = (around > 0).sum(axis=1)
-    share = (same + PRIOR) / (known + PRIOR * max(motions, 1))
+    share = (same + STRAY) / (known + STRAY * max(motions, 1))
     return frequency_cost(assigned.astype(np.int64)) - float(np.log(share[assigned]).sum())
+
+
+def smooth_labels(gains: Floats, nearest: Integers, labels: Integers) -> Integers:
+    """The labels [P] that ``neighbour_cost`` and the ``gains`` [m, P] prefer, from ``labels``.
+
+    The tracks ``nearest`` [P, k] to each are the same whatever the labels, so that this is fast
+    enough for every set of motions that a search tries.
+    """
+    table = _with_outlier(gains)
+    motions = len(gains)
+    names = np.arange(1, motions + 1)
+    for _ in range(SMOOTHING):
+        around = labels[nearest]
+        known = (around > 0).sum(axis=1)
+        votes = (around[None] == names[:, None, None]).sum(axis=2)
+        assigned = int((labels > 0).sum())
+        outlier, motion = _log_share(np.array([len(labels) - assigned, assigned]))
+        price = np.log((votes + STRAY) / (known + STRAY * motions)) + motion
+        again = (table + np.concatenate([np.full((1, len(labels)), outlier), price])).argmax(axis=0)
+        if (again == labels).all():
+            break
+        labels = again
+    return labels
 
 
 def neighbour_labels(gains: Floats, space: Floats) -> Integers:
