@@ -7,6 +7,7 @@ from dataclasses import replace
 from typing import Literal
 
 import numpy as np
+from scipy.special import gammaincinv
 
 from mssegment import motions as models
 from mssegment.errors import DataError
@@ -34,6 +35,11 @@ from mssegment.segmentation.selection import (
 
 BANDWIDTH_CONSTANT = 1.0
 """Times the median distance to the (0.05 n)-th nearest hypothesis: the bandwidth ``auto``."""
+
+REFITS = 3
+"""Rounds of the final least squares."""
+TAIL = 1e-4
+"""Share of the true inliers that the final least squares may leave out."""
 
 
 def segment_by_modes(
@@ -186,14 +192,31 @@ def _strongest_modes(
 def _refitted(
     views: Sequence[View], chosen: Sequence[Chosen], owner: Integers
 ) -> tuple[Chosen, ...]:
-    """The final least squares of every motion on the tracks it got; unsound fits are not taken."""
+    """The final least squares of every motion on the tracks it got.
+
+    A few mismatches among its tracks would pull it, so tracks beyond the noise of the others stay
+    out of the fit; unsound fits are not taken.
+    """
     motions = []
     for j, motion in enumerate(chosen):
-        view, own = views[motion.set], owner == j
-        points, sound = view.fit(own[None].astype(np.float64))
-        enough = own.sum() > view.model.subset_size and sound[0]
-        motions.append(replace(motion, point=points[0]) if enough else motion)
+        view, own, point = views[motion.set], owner == j, motion.point
+        for _ in range(REFITS):
+            residuals = view.residuals(point[None])[0]
+            kept = own & (residuals <= _noise_limit(residuals[own], view.model.residual_dimension))
+            points, sound = view.fit(kept[None].astype(np.float64))
+            if kept.sum() <= view.model.subset_size or not sound[0]:
+                break
+            point = points[0]
+        motions.append(replace(motion, point=point))
     return tuple(motions)
+
+
+def _noise_limit(residuals: Floats, dimension: int) -> float:
+    """What ``TAIL`` of the residuals of a normal noise with the median of these would exceed."""
+    if not len(residuals):
+        return 0.0
+    tail, half = gammaincinv(dimension / 2, [1 - TAIL, 0.5])
+    return float(np.median(residuals) * np.sqrt(tail / half))
 
 
 def _residuals(views: Sequence[View], chosen: Sequence[Chosen], tracks: int) -> Floats:
