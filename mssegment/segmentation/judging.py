@@ -7,15 +7,19 @@ from collections.abc import Sequence
 import numpy as np
 
 from mssegment import motions as models
-from mssegment.records import OUTLIER, Floats, HypothesisSet, Integers, Segmentation
+from mssegment.motions import MotionModel
+from mssegment.records import OUTLIER, Floats, HypothesisSet, Integers, Motion, Segmentation
+from mssegment.segmentation.granularity import LEAST_SCALE
+from mssegment.segmentation.likelihood import DEGREES_OF_FREEDOM
 
 
 def judge(points: Floats, sets: Sequence[HypothesisSet], found: Segmentation) -> Integers:
     """The label of each track [P, F, 2] (pixels) under the motions found: 1..m, or 0.
 
-    A track belongs to the motion whose residual is smallest among those that reach so far: a motion
-    reaches as far as the largest residual of its own inliers. Tracks must be seen in all frames of
-    the sets.
+    A track belongs to the likeliest motion among those that reach so far, given the scale of each
+    motion's residuals and its share of the tracks: a wide motion of few tracks passes near many
+    tracks of a narrow one. A motion reaches as far as the largest residual of its own inliers.
+    Tracks must be seen in all frames of the sets.
     """
     if not found.motions:
         return np.full(len(points), OUTLIER, dtype=np.int64)
@@ -28,7 +32,15 @@ def judge(points: Floats, sets: Sequence[HypothesisSet], found: Segmentation) ->
         observed = model.observe(points[:, list(chosen.frames)], chosen.coordinates)
         residuals = model.residuals(motion.parameters[None], observed, chosen.coordinates)[0]
         reach = np.nanmax(found.residuals[motion.label - 1][motion.inliers])
-        rows.append(np.where(residuals <= reach, residuals, np.inf))
+        rows.append(np.where(residuals <= reach, _cost(model, motion, residuals), np.inf))
     nearest = np.argmin(rows, axis=0)
     labels = np.array([motion.label for motion in found.motions])[nearest]
     return np.where(np.isfinite(np.min(rows, axis=0)), labels, OUTLIER).astype(np.int64)
+
+
+def _cost(model: MotionModel, motion: Motion, residuals: Floats) -> Floats:
+    """Minus the log of share times likelihood (Student t, as ``likelihood`` has it), nats [P]."""
+    nu, c = DEGREES_OF_FREEDOM, model.residual_dimension
+    scale = max(motion.scale, LEAST_SCALE)
+    spread = (nu + c) / 2 * np.log1p(model.residual_terms * residuals**2 / (nu * scale**2))
+    return np.asarray(c * np.log(scale) + spread - np.log(len(motion.inliers)))
