@@ -13,7 +13,12 @@ import numpy as np
 
 from mssegment.records import Floats, Integers
 from mssegment.segmentation.candidates import Candidates, Family
-from mssegment.segmentation.labelling import frequency_labels, neighbour_cost, smooth_labels
+from mssegment.segmentation.labelling import (
+    frequency_cost,
+    frequency_labels,
+    neighbour_cost,
+    smooth_labels,
+)
 
 QUANTUM = 0.5 * float(np.log(12.0)) - 0.5
 """Nats that the best precision saves per parameter (Wallace and Freeman, 1987)."""
@@ -33,6 +38,8 @@ class Description:
     Labels are coded by frequency where a misfit may be smooth, as parallax is: then coherent labels
     are no evidence of two bodies. Where every model leaves parallax free they are coded by those of
     the tracks ``nearest`` [P, k] to each, and bodies that lie apart are told apart more easily.
+    ``trust`` below 1 pools both predictions, with this weight on that of the neighbours:
+    surfaces lie apart or meet at an edge, where a slight bend must not pass for two planes.
     """
 
     families: Sequence[Family]
@@ -42,6 +49,7 @@ class Description:
     price: float = 1.0
     label_cost: bool = True
     nearest: Integers | None = None
+    trust: float = 1.0
 
     def labels(self, chosen: Candidates) -> Integers:
         """The labels [P] that the motions ``chosen`` give, 0 for outliers."""
@@ -52,6 +60,9 @@ class Description:
         labels, value = frequency_labels(chosen.gains, self.label_cost, self.nearest is not None)
         if self.nearest is None or not self.label_cost or not len(chosen):
             return labels, value
+        if self.trust < 1:
+            bent = frequency_cost(labels) - neighbour_cost(labels, self.nearest)
+            return labels, value + self.trust * bent
         if len(chosen) > 1:
             labels = smooth_labels(chosen.gains, self.nearest, labels)
         won = labels > 0

@@ -29,6 +29,8 @@ from mssegment.segmentation.likelihood import Noise, uniform_cost
 from mssegment.segmentation.refinement import refine, refit_once
 from mssegment.segmentation.selection import Choice, Chosen, Problem
 
+TRUST = 0.5
+"""How far the labels of surfaces are predicted by their neighbours', how far by frequency."""
 PROPOSALS = 6
 """Candidates that are tried as an addition; each saves on other tracks than those before."""
 EXCHANGES = 3
@@ -116,7 +118,8 @@ def describe_tracks(problem: Problem, families: Sequence[Family], recipe: Recipe
     """The description that ``problem`` asks for."""
     given = problem.motions
     exact = all(family.noise.free > 0 for family in families)
-    nearest = nearest_neighbours(problem.points, NEIGHBOURS) if exact else None
+    apart = exact or problem.granularity == "surface"
+    nearest = nearest_neighbours(problem.points, NEIGHBOURS) if apart else None
     return Description(
         families,
         problem.points[:, 0],
@@ -125,6 +128,7 @@ def describe_tracks(problem: Problem, families: Sequence[Family], recipe: Recipe
         price=recipe.price,
         label_cost=recipe.label_cost,
         nearest=nearest,
+        trust=1.0 if exact else TRUST,
     )
 
 
