@@ -163,8 +163,9 @@ def _scene(
     needed = model.subset_size + 1
     if len(indices) < needed:
         raise DataError(
-            f"{len(indices)} complete, moving tracks, but model {model.name} needs at least "
-            f"{needed}: give pictures with more texture, or set background.remove to no"
+            f"model {model.name} needs at least {needed} tracks that move and are seen in every "
+            f"frame, found {len(indices)}: more matches or pictures with more texture "
+            "help, or background.remove set to no"
         )
     tracks = points[indices]
     coordinates = model.coordinates(tracks, camera)

@@ -18,12 +18,14 @@ import numpy as np
 import mssegment
 from mssegment.configuration import KEYS, Configuration, Setting, camera_of
 from mssegment.documents import (
+    STANDARD,
     CornersDocument,
     Document,
     HistoryEntry,
     HypothesesDocument,
     SegmentationDocument,
     TracksDocument,
+    read_bytes,
 )
 from mssegment.errors import ConfigurationError
 from mssegment.records import Camera, Floats, Frame, HypothesisSet, Segmentation
@@ -79,10 +81,10 @@ def open_input(configuration: Configuration) -> FrameSource:
 
 
 def import_tracks(path: str) -> TracksDocument:
-    """Tracks that another program wrote (``datasets``); raises DataError."""
-    from mssegment.datasets import read
+    """Tracks that another program wrote (``datasets``), ``-``: a CSV; raises DataError."""
+    from mssegment.datasets import read, read_content
 
-    found = read(path)
+    found = read_content(read_bytes(path), "standard input") if path == STANDARD else read(path)
     return TracksDocument(
         frames=list(found.frames),
         camera=found.camera,

@@ -273,7 +273,7 @@ def test_fewer_tracks_than_an_elemental_subset(tmp_path: Path, call: Call) -> No
     tracks = call("import", csv_of(tmp_path, [[1, 2, 3, 4], [5, 6, 9, 9]])).out
     outcome = call("hypothesize", "--model", "affine", stdin=tracks)
     assert outcome.status == ExitStatus.DATA
-    assert "2 complete, moving tracks" in outcome.err
+    assert "affine needs at least 4 tracks" in outcome.err
     assert "needs at least" in outcome.err
 
 
@@ -484,3 +484,21 @@ def test_a_full_disk_is_one_line(tracks_csv: str) -> None:
     assert done.returncode == ExitStatus.USAGE
     assert done.stderr.startswith("mssegment: standard output: cannot be written")
     assert len(done.stderr.splitlines()) == 1
+
+
+def test_import_reads_a_csv_from_standard_input(call: Call, tmp_path: Path) -> None:
+    text = "x1,y1,x2,y2\n1,2,3,4\n5,6,7,8\n"
+    (tmp_path / "tracks.csv").write_text(text)
+    piped = json.loads(call("import", "-", stdin=text).out)
+    read = json.loads(call("import", str(tmp_path / "tracks.csv")).out)
+    assert piped["tracks"] == read["tracks"]
+    assert [frame["path"] for frame in piped["frames"]] == ["standard input"] * 2
+    broken = call("import", stdin=text.replace("8", "eight"))
+    assert broken.status == 4
+    assert "standard input: line 3: 'eight'" in broken.err
+
+
+def test_no_command_at_all_shows_the_whole_help(call: Call) -> None:
+    outcome = call()
+    assert outcome.status == 2
+    assert "\n  benchmark " in outcome.err

@@ -119,6 +119,9 @@ def invoke(arguments: list[str]) -> int:
         return ExitStatus.CLOSED_PIPE
     except (KeyboardInterrupt, click.Abort):
         return _fail("interrupted", ExitStatus.INTERRUPTED)
+    except click.exceptions.NoArgsIsHelpError as error:
+        error.show()  # the whole help, as click prints it
+        return ExitStatus.USAGE
     except click.ClickException as error:
         return _fail(_click_message(error), ExitStatus.USAGE)
     except MssegmentError as error:

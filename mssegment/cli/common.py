@@ -240,9 +240,14 @@ def document_argument(noun: str) -> Callable[[Command], Command]:
 
 def read_argument(path: str, kind: type[AnyDocument]) -> AnyDocument:
     """The document that the argument names; raises UsageError rather than wait for a keyboard."""
+    refuse_keyboard(path, f"{kind.kind} document", f"mssegment {kind.made_by} ...")
+    return read_document(path, kind)
+
+
+def refuse_keyboard(path: str, noun: str, producer: str) -> None:
+    """Raises UsageError where ``path`` is standard input and that is a keyboard."""
     if path == STANDARD and sys.stdin.isatty():
         raise UsageError(
-            f"no {kind.kind} document given; name a file, or pipe one in: "
-            f"mssegment {kind.made_by} ... | {click.get_current_context().command_path} ..."
+            f"no {noun} given; name a file, or pipe one in: "
+            f"{producer} | {click.get_current_context().command_path} ..."
         )
-    return read_document(path, kind)

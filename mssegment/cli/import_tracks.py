@@ -7,15 +7,16 @@ import time
 import click
 
 from mssegment.cli import COMMANDS
-from mssegment.cli.common import Voice, output_option, voice_options
+from mssegment.cli.common import Voice, output_option, refuse_keyboard, voice_options
 from mssegment.cli.match import describe_tracks
+from mssegment.documents import STANDARD
 
 
 @click.command(
     short_help=COMMANDS["import"],
     epilog="Example:  mssegment import tracks.csv | mssegment hypothesize --model affine",
 )
-@click.argument("file", metavar="FILE")
+@click.argument("file", metavar="[FILE]", required=False, default=STANDARD)
 @output_option
 @voice_options
 def command(file: str, output: str | None, voice: Voice) -> None:
@@ -23,8 +24,9 @@ def command(file: str, output: str | None, voice: Voice) -> None:
 
     FILE is a CSV (`x1,y1,x2,y2[,label]` or `track,frame,x,y[,label]`, pixels), or a .mat of
     Hopkins155, AdelaideRMF or KT3DMoSeg; the content decides. Labels and camera come along where
-    the file has them.
+    the file has them. No FILE or - is a CSV on standard input.
     """
+    refuse_keyboard(file, "CSV of tracks", "cat tracks.csv")
     start = time.perf_counter()
     from mssegment.pipeline import import_tracks
 

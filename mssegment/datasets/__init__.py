@@ -6,7 +6,7 @@ from pathlib import Path
 
 from mssegment.datasets.adelaidermf import ADELAIDERMF
 from mssegment.datasets.base import DataSet, ImportedTracks, Variables
-from mssegment.datasets.csv_tracks import CSV_TRACKS, read_table
+from mssegment.datasets.csv_tracks import CSV_TRACKS, read_content, read_table
 from mssegment.datasets.hopkins155 import HOPKINS155
 from mssegment.datasets.kt3dmoseg import KT3DMOSEG
 from mssegment.datasets.labels import (
@@ -29,6 +29,7 @@ __all__ = [
     "labels_from_masks",
     "labels_from_points",
     "read",
+    "read_content",
     "read_located_labels",
     "recognise",
 ]

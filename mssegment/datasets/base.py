@@ -75,8 +75,15 @@ def frames_of_file(
     path: Path, indices: Iterable[int], width: int, height: int
 ) -> tuple[Frame, ...]:
     """The frames with these numbers, which only exist inside the file ``path``."""
-    digest = hashlib.sha256(path.read_bytes()).hexdigest()
-    return tuple(Frame(str(path), width, height, digest, index) for index in indices)
+    return frames_inside(str(path), path.read_bytes(), indices, width, height)
+
+
+def frames_inside(
+    name: str, content: bytes, indices: Iterable[int], width: int, height: int
+) -> tuple[Frame, ...]:
+    """The frames with these numbers, which only exist inside ``content``, called ``name``."""
+    digest = hashlib.sha256(content).hexdigest()
+    return tuple(Frame(name, width, height, digest, index) for index in indices)
 
 
 def size_that_holds(points: Floats) -> tuple[int, int]:

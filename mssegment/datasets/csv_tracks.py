@@ -13,7 +13,7 @@ from mssegment.datasets.base import (
     Variables,
     check_labels,
     check_points,
-    frames_of_file,
+    frames_inside,
     size_that_holds,
 )
 from mssegment.errors import DataError
@@ -27,7 +27,10 @@ _FORMATS = "x1,y1,x2,y2[,label] or track,frame,x,y[,label]"
 
 def read_table(path: Path) -> dict[str, Floats]:
     """The columns of a CSV file of numbers, by the names in its first line."""
-    text = _text_of(path)
+    return _columns(_text(_content_of(path), str(path)), str(path))
+
+
+def _columns(text: str, path: str) -> dict[str, Floats]:
     rows = csv.reader(text.splitlines(), delimiter=(between := _delimiter(text)))
     lines = [(number, row) for number, row in enumerate(rows, 1) if any(map(str.strip, row))]
     if not lines:
@@ -46,15 +49,20 @@ def read_table(path: Path) -> dict[str, Floats]:
     return {name: values[:, column] for column, name in enumerate(header)}
 
 
-def _text_of(path: Path) -> str:
+def _content_of(path: Path) -> bytes:
     try:
-        text = path.read_text(encoding="utf-8-sig")
+        return path.read_bytes()
     except FileNotFoundError as error:
         raise DataError(f"{path}: no such file") from error
     except IsADirectoryError as error:
         raise DataError(f"{path}: this is a folder, a CSV file was expected") from error
     except OSError as error:
         raise DataError(f"{path}: cannot be read ({error.strerror})") from error
+
+
+def _text(content: bytes, path: str) -> str:
+    try:
+        text = content.decode("utf-8-sig")
     except UnicodeDecodeError as error:
         raise DataError(f"{path}: not text in UTF-8; expected a CSV such as {_FORMATS}") from error
     if text.lstrip().startswith("{"):
@@ -78,20 +86,25 @@ def recognises(columns: Variables) -> bool:
 
 def read(path: Path) -> ImportedTracks:
     """Read a CSV of tracks, either format; frames are the distinct frame numbers in order."""
-    columns = read_table(path)
+    return read_content(_content_of(path), str(path))
+
+
+def read_content(content: bytes, name: str) -> ImportedTracks:
+    """As ``read``, from the bytes of a CSV that has no file, such as standard input."""
+    columns = _columns(_text(content, name), name)
     if set(MATCHES) <= set(columns):
-        points, labels = _read_matches(columns, path)
+        points, labels = _read_matches(columns, name)
         numbers = [0, 1]
     elif set(SIGHTINGS) <= set(columns):
-        points, labels, numbers = _read_sightings(columns, path)
+        points, labels, numbers = _read_sightings(columns, name)
     else:
-        raise DataError(f"{path}: columns {','.join(columns)}; expected {_FORMATS}")
-    check_points(points, str(path))
-    frames = frames_of_file(path, numbers, *size_that_holds(points))
-    return ImportedTracks(path.stem, Tracks(points, labels=labels), frames)
+        raise DataError(f"{name}: columns {','.join(columns)}; expected {_FORMATS}")
+    check_points(points, name)
+    frames = frames_inside(name, content, numbers, *size_that_holds(points))
+    return ImportedTracks(Path(name).stem, Tracks(points, labels=labels), frames)
 
 
-def _read_matches(columns: dict[str, Floats], path: Path) -> tuple[Floats, Integers | None]:
+def _read_matches(columns: dict[str, Floats], path: str) -> tuple[Floats, Integers | None]:
     points = np.stack([columns[name] for name in MATCHES], axis=1).reshape(-1, 2, 2)
     if "label" not in columns:
         return points, None
@@ -99,7 +112,7 @@ def _read_matches(columns: dict[str, Floats], path: Path) -> tuple[Floats, Integ
 
 
 def _read_sightings(
-    columns: dict[str, Floats], path: Path
+    columns: dict[str, Floats], path: str
 ) -> tuple[Floats, Integers | None, list[int]]:
     keys = {}
     for name in ("track", "frame"):
@@ -128,7 +141,7 @@ def _read_sightings(
     return points, labels, [int(frame) for frame in frames]
 
 
-def _number(cell: str, path: Path, line: int, column: str) -> float:
+def _number(cell: str, path: str, line: int, column: str) -> float:
     try:
         value = float(cell)
     except ValueError as error:
