@@ -99,10 +99,13 @@ def confusion_table(report: Report) -> Table | None:
 
 
 def tables_of(report: Report) -> list[Table]:
-    """All tables of a report, the ones that need true labels only where there are any."""
-    tables = [result_table(report), modes_table(report)]
-    confusion = confusion_table(report)
-    return tables if confusion is None else [*tables, confusion]
+    """All tables of a report; those of modes and of true labels only where there are any."""
+    modes, confusion = modes_table(report), confusion_table(report)
+    return [
+        result_table(report),
+        *([modes] if modes.rows else []),
+        *([] if confusion is None else [confusion]),
+    ]
 
 
 def summary(report: Report) -> str:
