@@ -184,7 +184,7 @@ def _draw_sets(
     eligible = background.status == 0
     rng = _random("hypothesize", configuration)
     if uses_consensus(configuration.cluster.method, settings.model, frames):
-        return draw_consensus_sets(points, rng, eligible=eligible)
+        return draw_consensus_sets(points, rng, eligible=eligible, static=background.found)
     if settings.model == "factorization" and frames >= AUTO_FRAMES:
         return draw_long_sets(
             points,

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from mssegment.meanshift import MeanShift
 from mssegment.motions import Flags
@@ -30,6 +31,8 @@ LEAST_CELLS = 0.4
 """Share of the occupied cells of the grid that hold one of them, at least."""
 LEAST_FRAMES = 0.9
 """Share of its frames in which background is where it began: over many frames a tracker slips."""
+WAVERING, NEIGHBOURS = 2.0, 8
+"""See ``_wavering``."""
 GRID = 8
 SAMPLE = 500
 """Displacements that the mean shift looks at."""
@@ -73,9 +76,34 @@ def find_background(
     seen = np.isfinite(distance).sum(axis=1)
     near = (distance < min_displacement).sum(axis=1)
     still = np.asarray((seen > 1) & (near >= np.ceil(LEAST_FRAMES * seen)))
+    still |= _wavering(points, distance, still)
     status[still] = BACKGROUND
     note = f"background: {int(still.sum())} of {len(points)} tracks stand still"
     return Background(status, (note,))
+
+
+def _wavering(points: Floats, distance: Floats, still: Flags) -> Flags:
+    """Tracks [P] that move hardly more than those which are ``still``, and lie among them.
+
+    A tracker slips along edges and near things sway more: hardly more is WAVERING times what nine
+    in ten of the still tracks reach, and among them means most of the NEIGHBOURS nearest. The slow
+    parts of a moving thing lie among what moves.
+    """
+    found = np.zeros(len(points), dtype=bool)
+    judged = np.flatnonzero(np.isfinite(distance).sum(axis=1) > 1)
+    if not still.any() or len(judged) <= NEIGHBOURS:
+        return found
+    reach = np.nanquantile(distance[judged], LEAST_FRAMES, axis=1)
+    quiet = still[judged]
+    weak = ~quiet & (reach < WAVERING * np.quantile(reach[quiet], LEAST_FRAMES))
+    place = np.nanmean(points[judged], axis=1)
+    _, nearest = cKDTree(place).query(place, NEIGHBOURS + 1)
+    while True:
+        joining = weak & ~quiet & (quiet[nearest[:, 1:]].mean(axis=1) > 0.5)
+        if not joining.any():
+            found[judged[quiet]] = True
+            return found
+        quiet = quiet | joining
 
 
 def camera_path(points: Floats, largest: float) -> Floats:

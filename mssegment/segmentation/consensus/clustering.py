@@ -18,12 +18,14 @@ from mssegment.segmentation.consensus.comembership import (
 )
 from mssegment.segmentation.consensus.cuts import Cuts
 from mssegment.segmentation.consensus.evidence import EVIDENCE
+from mssegment.segmentation.consensus.objects import Objects
 from mssegment.segmentation.consensus.outliers import (
     Misfit,
     first_test,
     misfit_limit,
     second_test,
     spared,
+    two_frame_misfit,
 )
 
 MOST_MOTIONS = 8
@@ -68,6 +70,10 @@ def cluster_by_consensus(
         own[~eligible] = np.nan
     usable = [entry for entry in sets if len(entry.points)]
     _check(usable)
+    least = motions if motions else max(1, min_motions)
+    most = motions if motions else max(least, max_motions)
+    if any(entry.model == "affine" for entry in usable):
+        return _objects(own, usable, chosen, (least, motions or len(points)))
     misfits, memberships = Misfit(own), CoMemberships(len(points))
     for entry in usable:
         seen, squared = residuals_of(own, entry)
@@ -86,14 +92,23 @@ def cluster_by_consensus(
     perspective = "flat" not in kinds
     sparing = spared(misfit[kept], misfit_limit(own[kept], misfit[kept], perspective=perspective))
     kept = kept[first_test(own[kept], misfit[kept], perspective=perspective)]
-    least = motions if motions else max(1, min_motions)
-    most = motions if motions else max(least, max_motions)
     group = _group_incomplete if perspective else _group_complete
     found, groups = group(own, kinds, kept, (least, most), rng)
     if not perspective:
         groups[second_test(own[found], misfit[found], groups, sparing)] = OUTLIER
     labels[found] = groups
     return Consensus(_by_size(labels), misfit, tuple(kinds))
+
+
+def _objects(
+    points: Floats, sets: Sequence[HypothesisSet], chosen: Integers, bounds: tuple[int, int]
+) -> Consensus:
+    """The outcome before a static camera; ``bounds`` are the least and the most motions."""
+    found = Objects(points, sets)
+    labels = np.full(len(points), OUTLIER, dtype=np.int64)
+    labels[chosen[~found.seen[chosen]]] = NOT_JUDGED
+    labels[found.seen] = found.labels(*bounds)
+    return Consensus(_by_size(labels), two_frame_misfit(points, sets), ("affine",))
 
 
 def _group_complete(

@@ -2,8 +2,8 @@
 
 Where most tracks are complete: planar patches between frame pairs, and rank-4 subspaces over all
 frames. Where tracks begin and end anywhere: homographies and fundamental matrices between frame
-pairs, each with the tracks that both of its frames see. Nothing is invented where a track is not
-seen.
+pairs, each with the tracks that both of its frames see. Before a camera that stands still: affine
+motions between frames far apart. Nothing is invented where a track is not seen.
 """
 
 from __future__ import annotations
@@ -27,8 +27,13 @@ GAPS, PAIRS_PER_GAP = (1, 2, 4), 6
 """The same for tracks that begin and end anywhere: short, or too few tracks are in both."""
 LENGTH = 14
 """These gaps suit tracks of so many frames; tracks twice as long allow twice the gaps."""
+LONG_GAPS = (1 / 8, 1 / 4, 1 / 2)
+"""Gaps before a static camera, as shares of the frames that the typical track is seen in: the
+longest tells objects apart, the others are for shorter tracks."""
 PER_PAIR = 200
 """Hypotheses per frame pair and kind."""
+PER_LONG_PAIR = 400
+"""The same before a static camera: a small object must be the seed of some."""
 WHOLE = 1000
 """Hypotheses over all frames."""
 LOCAL = 0.7
@@ -41,12 +46,17 @@ FEWEST = 10
 
 
 def draw_consensus_sets(
-    points: Floats, rng: np.random.Generator, *, eligible: Flags | None = None
+    points: Floats,
+    rng: np.random.Generator,
+    *,
+    eligible: Flags | None = None,
+    static: bool = False,
 ) -> list[HypothesisSet]:
     """Hypothesis sets for the tracks ``points`` [P, F, 2] (pixels, NaN where not seen).
 
-    ``eligible`` [P] excludes tracks (background). Raises DataError for fewer than two frames, or
-    where no two frames share FEWEST tracks.
+    ``eligible`` [P] excludes tracks (background); ``static`` says that the camera stands still and
+    the background is excluded. Raises DataError for fewer than two frames, or where no two frames
+    share FEWEST tracks.
     """
     frames = points.shape[1]
     if frames < 2:
@@ -54,10 +64,13 @@ def draw_consensus_sets(
     seen = np.asarray(np.isfinite(points).all(axis=2))
     if eligible is not None:
         seen = seen & eligible[:, None]
+    lengths = seen.sum(axis=1)
+    if static:
+        return _draw_pairs(points, seen, ("affine",), _long_pairs(frames, lengths), rng)
     complete = seen.all(axis=1)
     if complete.sum() >= max(COMPLETE * seen.any(axis=1).sum(), FEWEST):
         return _draw_complete(points, seen, rng)
-    pairs = _short_pairs(frames, seen.sum(axis=1))
+    pairs = _short_pairs(frames, lengths)
     return _draw_pairs(points, seen, ("homography", "fundamental"), pairs, rng)
 
 
@@ -93,7 +106,8 @@ def _draw_pairs(
             continue
         near = _pair_neighbours(points[shared][:, pair])
         for name in names:
-            sets.append(_draw_set(EVIDENCE[name], points, shared, near, pair, PER_PAIR, rng))
+            count = PER_LONG_PAIR if name == "affine" else PER_PAIR
+            sets.append(_draw_set(EVIDENCE[name], points, shared, near, pair, count, rng))
     if not sets:
         raise DataError(
             f"none of the frame pairs that were looked at share {FEWEST} tracks; "
@@ -153,8 +167,18 @@ def _even_pairs(frames: int, gap: int, count: int) -> list[tuple[int, int]]:
 
 def _short_pairs(frames: int, lengths: Integers) -> list[tuple[int, int]]:
     """Pairs with the GAPS, or multiples of them where the typical track is long."""
-    usual = float(np.median(lengths[lengths > 0])) if (lengths > 0).any() else 0.0
-    gaps = [gap * max(1, int(usual // LENGTH)) for gap in GAPS]
+    gaps = [gap * max(1, int(_usual(lengths) // LENGTH)) for gap in GAPS]
     return [
         pair for gap in gaps if gap < frames for pair in _even_pairs(frames, gap, PAIRS_PER_GAP)
     ]
+
+
+def _long_pairs(frames: int, lengths: Integers) -> list[tuple[int, int]]:
+    """Pairs with the LONG_GAPS."""
+    gaps = {min(max(1, round(share * _usual(lengths))), frames - 1) for share in LONG_GAPS}
+    return [pair for gap in sorted(gaps) for pair in _even_pairs(frames, gap, PAIRS_PER_GAP)]
+
+
+def _usual(lengths: Integers) -> float:
+    """In how many frames the typical track is seen."""
+    return float(np.median(lengths[lengths > 0])) if (lengths > 0).any() else 0.0

@@ -111,6 +111,28 @@ class Subspace(Evidence):
         return np.asarray(np.maximum(apart, 0.0))
 
 
+class AffineMap(Evidence):
+    """A body that hardly turns, far away: an affine motion between two frames, a point of A(2)."""
+
+    name: ClassVar[str] = "affine"
+    subset_size: ClassVar[int] = 3
+    near: ClassVar[int] = 12
+    share: ClassVar[float] = 0.1
+
+    def manifold(self, frames: int) -> str:
+        """A(2)."""
+        return motions.make("affine").manifold.name
+
+    def fit(self, samples: Floats) -> tuple[Floats, Flags]:
+        """As the motion model ``affine``."""
+        return motions.make("affine").minimal_fit(samples)
+
+    def squared_residuals(self, points: Floats, observed: Floats) -> Floats:
+        """Squared transfer errors in the second frame."""
+        ends = np.einsum("bij,pj->bpi", points[:, :2], _raised(observed[:, 0]), optimize=True)
+        return np.asarray(((ends - observed[:, 1]) ** 2).sum(axis=2).T)
+
+
 class PlaneMap(Evidence):
     """A plane under a perspective camera: a homography between two frames, a point of SL(3)."""
 
@@ -168,7 +190,7 @@ class Epipolar(Evidence):
 
 
 EVIDENCE: dict[str, Evidence] = {
-    kind.name: kind for kind in (Flat(), Subspace(), PlaneMap(), Epipolar())
+    kind.name: kind for kind in (Flat(), Subspace(), AffineMap(), PlaneMap(), Epipolar())
 }
 """Name of a hypothesis set's model -> how consensus reads it."""
 

@@ -11,7 +11,7 @@ from mssegment.motions import Flags
 from mssegment.records import Floats, HypothesisSet, Integers
 from mssegment.segmentation.consensus.comembership import residuals_of
 
-PLACED = ("flat", "homography")
+PLACED = ("flat", "affine", "homography")
 """Evidence that holds near its seed."""
 LOCAL = 20
 """A track's misfit comes from hypotheses whose seed is among so many nearest tracks."""

@@ -61,8 +61,13 @@ def is_long(sets: Sequence[HypothesisSet]) -> bool:
 
 
 def drawn_for_consensus(sets: Sequence[HypothesisSet]) -> bool:
-    """Whether the sets are those of ``draw_consensus_sets``: evidence that is no motion model."""
-    return any(entry.model in EVIDENCE and entry.model not in models.MODELS for entry in sets)
+    """Whether the sets are those of ``draw_consensus_sets``.
+
+    They hold evidence that is no motion model, or are over several frame pairs.
+    """
+    pairs = {tuple(entry.frames) for entry in sets if len(entry.frames) == 2}
+    foreign = any(entry.model in EVIDENCE and entry.model not in models.MODELS for entry in sets)
+    return foreign or len(pairs) > 1
 
 
 def segment_by_consensus(
