@@ -7,6 +7,7 @@ The distance is (12), which the paper calls arc length; it is the projection (or
 
 from __future__ import annotations
 
+from functools import lru_cache
 from math import factorial
 
 import numpy as np
@@ -24,7 +25,7 @@ from mssegment.manifolds.base import (
     integers,
     precision,
 )
-from mssegment.records import Floats
+from mssegment.records import Floats, Integers
 
 EMBED_ROWS = 4096
 
@@ -64,7 +65,7 @@ class Grassmann(Manifold):
     @property
     def numbers_in_cloud(self) -> int:
         """Two copies of the upper triangle of the projector."""
-        return self.n * (self.n + 1) + 2
+        return self.n * (self.n + 1)
 
     def exp(self, x: Floats, v: Floats) -> Floats:
         """Equation (15) without its SVD: x cos(sqrt G) + v sinc(sqrt G), G = v'v.
@@ -144,41 +145,51 @@ class Grassmann(Manifold):
         return _ProjectorCloud(self, y, bandwidth, dtype)
 
 
+@lru_cache(maxsize=16)
+def _triangle(n: int) -> tuple[Integers, Integers, Integers]:
+    """Of flat symmetric n x n matrices: the upper triangle, its diagonal, and the way back."""
+    above = np.triu_indices(n)
+    place = np.empty((n, n), dtype=np.intp)
+    place[above] = place[above[::-1]] = np.arange(len(above[0]))
+    return above[0] * n + above[1], np.diag(place), place.ravel()
+
+
 class _ProjectorCloud(Cloud):
-    """Every point as the upper triangle of yy', and a 1.
+    """Every point as the upper triangle of yy'.
 
     Then tr(x'yy'x) is a dot product, off the diagonal counted twice: all z of a block are one
-    matrix product (the k of (12) and the bandwidth are folded into it), and the sums of (14) are
-    a second one.
+    matrix product, and the sums of (14) are a second one. The bandwidth is folded into the first,
+    and so is the k of (12), which is the sum over the diagonal.
     """
 
     def __init__(self, manifold: Grassmann, y: Floats, bandwidth: float, dtype: Precision) -> None:
         self.manifold, self.size, self.bandwidth = manifold, len(y), bandwidth
         self.rows = max(FEWEST_ROWS, CACHE_NUMBERS // max(1, self.size))
-        self.dtype = dtype
-        self.n = n = manifold.n
-        above = np.triu_indices(n)
-        self.upper = above[0] * n + above[1]
-        self.place = np.empty((n, n), dtype=np.intp)
-        self.place[above] = self.place[above[::-1]] = np.arange(len(self.upper))
+        self.dtype, self.n, self.k = dtype, manifold.n, manifold.k
+        self.upper, diagonal, self.place = _triangle(manifold.n)
         self.projectors = self.embed(y)
-        twice_off = np.where(above[0] == above[1], -1.0, -2.0)
-        folded = np.append(twice_off, float(manifold.k)) / bandwidth**2
-        self.columns = np.ascontiguousarray((self.projectors * folded.astype(dtype)).T)
+        columns = np.multiply(self.projectors.T, -2.0 / bandwidth**2, order="C")
+        columns[diagonal] = 0.5 * columns[diagonal] + 1.0 / bandwidth**2
+        self.columns = columns
 
     def embed(self, x: Floats) -> Array:
-        """The upper triangle of xx' and a 1, [m, N (N + 1) / 2 + 1]."""
-        out = np.empty((len(x), len(self.upper) + 1), dtype=self.dtype)
-        out[:, -1] = 1.0
+        """The upper triangle of xx', [m, N (N + 1) / 2]."""
+        if len(x) <= EMBED_ROWS:
+            return self._embed_block(x)
+        out = np.empty((len(x), len(self.upper)), dtype=self.dtype)
         for start in range(0, len(x), EMBED_ROWS):
-            block = x[start : start + EMBED_ROWS]
-            square = (block @ _t(block)).reshape(len(block), self.n**2)
-            out[start : start + EMBED_ROWS, :-1] = square.take(self.upper, axis=1)
+            out[start : start + EMBED_ROWS] = self._embed_block(x[start : start + EMBED_ROWS])
         return out
+
+    def _embed_block(self, x: Floats) -> Array:
+        # with a copy of the transpose, BLAS is called for a product, not for half of one
+        x = x.astype(self.dtype, copy=False)
+        square = (x @ _t(x).copy()).reshape(len(x), self.n**2)
+        return np.asarray(square.take(self.upper, axis=1))
 
     def unfold(self, flat: Array) -> Floats:
         """The symmetric matrices [m, N, N] whose embedding ``flat`` is."""
-        square = flat.astype(np.float64).take(self.place.ravel(), axis=1)
+        square = flat.astype(np.float64).take(self.place, axis=1)
         return square.reshape(len(flat), self.n, self.n)
 
     def seen_from(self, x: Floats) -> View:
@@ -191,8 +202,10 @@ class _ProjectorView(View):
         self.z = cloud.embed(x) @ cloud.columns
 
     def weighted_sum(self, weights: Array) -> tuple[Floats, Floats]:
-        sums = weights.astype(self._cloud.dtype, copy=False) @ self._cloud.projectors
-        return _off(self._x, self._cloud.unfold(sums) @ self._x), sums[:, -1].astype(np.float64)
+        cloud = self._cloud
+        sums = cloud.unfold(weights.astype(cloud.dtype, copy=False) @ cloud.projectors)
+        total = np.einsum("mii->m", sums) / cloud.k  # tr yy' = k
+        return _off(self._x, sums @ self._x), total
 
 
 def _t(x: Floats) -> Floats:
@@ -209,27 +222,44 @@ def _cos_sinc(gram: Floats) -> tuple[Floats, Floats]:
 
     Both series are cut into a low half and G^4 times a high half, which share the powers of G.
     """
-    largest = float(np.max(np.trace(gram, axis1=-2, axis2=-1), initial=0.0))
+    largest = float(np.max(np.einsum("...ii->...", gram), initial=0.0))
     halvings = max(0, int(np.ceil(0.5 * np.log2(largest)))) if largest > 1.0 else 0
-    small = gram / 4.0**halvings
-    square = small @ small
-    eye = np.broadcast_to(np.eye(gram.shape[-1]), gram.shape)
-    powers = np.stack([eye, small, square, square @ small, square @ square])
-    halves = np.tensordot(_SERIES, powers, axes=1)
-    cosine, sinc = halves[:, 0] + powers[4] @ halves[:, 1]
+    if halvings:
+        gram = gram / 4.0**halvings
+    powers = np.empty((5, *gram.shape))
+    powers[0] = np.eye(gram.shape[-1])
+    powers[1] = gram
+    np.matmul(gram, gram, out=powers[2])
+    np.matmul(powers[2], gram, out=powers[3])
+    np.matmul(powers[2], powers[2], out=powers[4])
+    flat = powers.reshape(5, -1)
+    if largest < SHORT:
+        cosine, sinc = (_SHORT_SERIES @ flat).reshape(2, *gram.shape)
+        return cosine, sinc
+    low, high = (_SERIES @ flat).reshape(2, 2, *gram.shape)
+    cosine, sinc = low + powers[4] @ high
     for _ in range(halvings):
         sinc = sinc @ cosine
-        cosine = 2.0 * cosine @ cosine - eye
+        cosine = 2.0 * cosine @ cosine - powers[0]
     return cosine, sinc
 
 
+def _coefficients(power: int) -> tuple[float, float]:
+    """Of G^power in cos(sqrt G) and in sinc(sqrt G)."""
+    sign = (-1.0) ** power
+    return sign / factorial(2 * power), sign / factorial(2 * power + 1)
+
+
 def _series() -> Floats:
-    """Coefficients [cos or sinc, low or high half, power]; the terms left out are below 1e-16."""
+    """Rows: low half of cos, of sinc, high half of both; the terms left out are below 1e-16."""
     table = np.zeros((2, 2, 5))
-    for i in range(9):
-        half, power = (0, i) if i < 4 else (1, i - 4)
-        table[:, half, power] = (-1) ** i / factorial(2 * i), (-1) ** i / factorial(2 * i + 1)
-    return table
+    for power in range(9):
+        half, column = (0, power) if power < 4 else (1, power - 4)
+        table[half, :, column] = _coefficients(power)
+    return table.reshape(4, 5)
 
 
 _SERIES = _series()
+_SHORT_SERIES = np.array([_coefficients(power) for power in range(5)]).T.copy()
+SHORT = 0.01
+"""Below this |G| the series end at G^4: the next term is below 1e-16."""

@@ -1,11 +1,11 @@
 """The iteration (9)-(10) of the paper, for any manifold and all starts at once.
 
-:func:`shift` is the mean shift vector; :func:`ascend` repeats it. Three savings, none of which
+:func:`shift` is the mean shift vector; :func:`ascend` repeats it. Four savings, none of which
 changes where a trajectory arrives by more than moving its start by a hundredth of the bandwidth
 would: only what still moves is iterated; a trajectory that comes within a tenth of the bandwidth
-of a denser one follows it from there; near the mode, where the plain iteration converges
-linearly, its steps are stretched (Barzilai and Borwein, 1988) and taken back where the density
-would fall.
+of a denser one follows it from there; steps go one and a half times the shift, since anything below
+twice climbs as surely as once; near the mode, where that converges linearly, they are stretched
+further (Barzilai and Borwein, 1988) and taken back where the density would fall.
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from concurrent.futures import Executor
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -21,8 +22,18 @@ from mssegment.manifolds import Cloud, Manifold
 from mssegment.meanshift.kernels import Kernel
 from mssegment.records import Floats, Integers
 
-EVERY = 8
+Mask = npt.NDArray[np.bool_]
+
+EVERY = 4
 """One trajectory in so many can be followed, besides those that already are."""
+FEWEST_PAIRS = 1 << 13
+"""Where the moving ones see fewer points than this together, looking for leaders costs more than
+it saves."""
+RELAXED = 1.5
+"""How far a step goes, in shifts.
+
+The shift maximises a quadratic lower bound of the density that touches it where the step begins;
+below twice the shift that bound, and with it the density, is higher than at the beginning."""
 NEAR = 0.05
 """Shifts shorter than this many bandwidths are stretched; sooner, some would change their mode."""
 MOST_STRETCH = 100.0
@@ -32,8 +43,8 @@ FALL = 1e-5
 """The relative loss of density at which a stretched step is taken back (rounding is less)."""
 
 
-Thin = Callable[["Ascent", Integers], Integers]
-"""Called after every step with the moving trajectories; returns those that go on by themselves."""
+Thin = Callable[["Ascent", Integers], Mask]
+"""Called after every step with the moving trajectories; returns which go on by themselves."""
 
 
 def shift(
@@ -50,6 +61,8 @@ def shift(
     has one more point of its own in the sums (not in their number). A ``pool`` of threads shares
     the blocks, which do not depend on it: the same bytes come out with any number of threads.
     """
+    if len(x) <= cloud.rows:
+        return _shift_block(cloud, kernel, x, own)
     step = np.empty(x.shape)
     density = np.empty(len(x))
 
@@ -87,31 +100,26 @@ def _shift_block(
 class Ascent:
     """Trajectories on their way up.
 
-    ``x`` [n, ...] is where each one is, ``origin`` where its last step began, ``density`` and
-    ``step`` the density and the mean shift vector there, ``stretch`` how many times that vector
-    was gone; ``leader`` [n] is the trajectory that each one follows (itself, while on its own
-    way); ``converged`` [n] where the mode is as near as was asked.
+    ``x`` [n, ...] is where each one is, ``density`` [n] the density where its last step began,
+    ``leader`` [n] the trajectory that it follows (itself, while on its own way), ``converged`` [n]
+    where the mode is as near as was asked. Each step looks at ``size`` points.
     """
 
     x: Floats
-    origin: Floats
     density: Floats
-    step: Floats
-    stretch: Floats
     leader: Integers
-    converged: npt.NDArray[np.bool_]
+    converged: Mask
+    size: int
     iterations: int = 0
     history: list[tuple[Integers, Floats]] | None = None
 
     @classmethod
-    def from_starts(cls, starts: Floats, record: bool = False) -> Ascent:
+    def from_starts(cls, starts: Floats, size: int, record: bool = False) -> Ascent:
         """Trajectories that stand at ``starts``."""
         x = np.array(starts, dtype=np.float64)
         n = len(x)
         history = [(np.arange(n), x.copy())] if record else None
-        still = np.zeros(n, dtype=bool)
-        nothing = np.zeros_like(x)
-        return cls(x, x.copy(), np.zeros(n), nothing, np.zeros(n), np.arange(n), still, 0, history)
+        return cls(x, np.zeros(n), np.arange(n), np.zeros(n, dtype=bool), size, 0, history)
 
     def last_leader(self) -> Integers:
         """For each trajectory the one that it ends with."""
@@ -121,6 +129,83 @@ class Ascent:
             if np.array_equal(further, last):
                 return last
             last = further
+
+    def advance(self, front: Front, arrived: Mask) -> None:
+        """Note where the ``front`` is now, and which of it has ``arrived``."""
+        self.iterations += 1
+        self.x[front.index], self.density[front.index] = front.x, front.density
+        self.converged[front.index] = arrived
+        if self.history is not None:
+            self.history.append((front.index, front.x))
+
+
+@dataclass
+class Front:
+    """The trajectories that still move, packed: one row each.
+
+    ``index`` [m] says which of all they are, ``x`` where they stand, ``origin`` where the last step
+    began, ``density`` and ``step`` the density and the mean shift vector there, ``stretch`` how
+    many times that vector was gone (0: not yet).
+    """
+
+    index: Integers
+    x: Floats
+    origin: Floats
+    step: Floats
+    density: Floats
+    stretch: Floats
+
+    @classmethod
+    def from_starts(cls, starts: Floats) -> Front:
+        """All of the ``starts`` move."""
+        n = len(starts)
+        x = np.asarray(starts, dtype=np.float64)
+        return cls(np.arange(n), x, x, np.zeros_like(x), np.zeros(n), np.zeros(n))
+
+    def keep(self, on: Mask) -> None:
+        """Only those that go ``on`` stay."""
+        if on.all():
+            return
+        self.index, self.density, self.stretch = self.index[on], self.density[on], self.stretch[on]
+        self.x, self.origin, self.step = self.x[on], self.origin[on], self.step[on]
+
+    def go(
+        self, manifold: Manifold, step: Floats, density: Floats, length: Floats, tolerance: float
+    ) -> Mask:
+        """One step along the shift ``step`` [m, ...] at ``x``, of ``length`` bandwidths [m].
+
+        A step that went too far is taken back, and the plain one gone instead: where the density
+        fell; where the gradient is not exact, where the shift doubled. Returns which have arrived.
+        """
+        last2 = _dot(self.step, self.step)
+        if manifold.exact_gradient:
+            worse = density < (1 - FALL) * self.density
+        else:
+            worse = _dot(step, step) > 4.0 * last2
+        back = worse & (self.stretch > 1)
+        stretch = self._stretches(last2, step, np.where(length < NEAR, MOST_STRETCH, RELAXED))
+        stretch[back] = 1.0
+        if back.any():
+            step = np.where(_numbers(back, step), self.step, step)
+            density = np.where(back, self.density, density)
+            self.origin = np.where(_numbers(back, step), self.origin, self.x)
+        else:
+            self.origin = self.x
+        self.step, self.density, self.stretch = step, density, stretch
+        self.x = manifold.exp(self.origin, _scaled(stretch, step))
+        return np.asarray(~back & (stretch * length <= tolerance))
+
+    def _stretches(self, last2: Floats, step: Floats, most: Floats) -> Floats:
+        """How many times the shift ``step`` to go: 1 at first, then at ``most`` so often.
+
+        Near a mode the shift is about -(I - J)(x - mode). From the last step s and the change -y of
+        the shift that it made, s's / s'y estimates (I - J)^-1 along the way: the stretch that would
+        arrive, and with it the distance that is left. Where the shift still grows it is doubled.
+        """
+        bend = last2 - _dot(self.step, step)
+        stretch = np.where(bend > 0, self.stretch, np.maximum(2.0 * self.stretch, 1.0))
+        np.divide(stretch * last2, bend, out=stretch, where=bend > 0)
+        return np.clip(stretch, 1.0, most)
 
 
 def ascend(
@@ -141,63 +226,23 @@ def ascend(
     ``thin`` says which trajectories go on by themselves. Ends early when at most ``until`` of them
     still move. With ``own`` each start counts as one of the points on its own way.
     """
-    ascent = Ascent.from_starts(starts, record)
-    moving = np.arange(len(starts))
-    while moving.size > until and ascent.iterations < max_iterations:
-        ascent.iterations += 1
-        mine = starts[moving] if own else None
-        step, density = shift(cloud, kernel, ascent.x[moving], mine, pool)
-        length = manifold.norm(ascent.x[moving], step) / cloud.bandwidth
-        back = _go(manifold, ascent, moving, step, density, length < NEAR)
-        arrived = ascent.stretch[moving] * length <= tolerance
-        ascent.converged[moving] = arrived & ~back
-        if ascent.history is not None:
-            ascent.history.append((moving, ascent.x[moving]))
-        moving = moving[~ascent.converged[moving]]
-        if thin is not None and moving.size:
-            moving = thin(ascent, moving)
+    ascent, front = Ascent.from_starts(starts, cloud.size, record), Front.from_starts(starts)
+    while front.index.size > until and ascent.iterations < max_iterations:
+        mine = starts[front.index] if own else None
+        step, density = shift(cloud, kernel, front.x, mine, pool)
+        length = manifold.norm(front.x, step) / cloud.bandwidth
+        arrived = front.go(manifold, step, density, length, tolerance)
+        ascent.advance(front, arrived)
+        front.keep(~arrived)
+        if thin is not None and front.index.size:
+            front.keep(thin(ascent, front.index))
     return ascent
 
 
-def _go(
-    manifold: Manifold,
-    ascent: Ascent,
-    moving: Integers,
-    step: Floats,
-    density: Floats,
-    near: npt.NDArray[np.bool_],
-) -> npt.NDArray[np.bool_]:
-    """One step of the ``moving``, stretched where ``near``; or back, and the plain step instead.
-
-    A stretched step is taken back where the density fell; where the gradient is not exact, where
-    the shift doubled. Returns which were.
-
-    Near a mode the shift is about -(I - J)(x - mode). From the last step s and the change -y of
-    the shift that it made, s's / s'y estimates (I - J)^-1 along the way: the stretch that would
-    arrive, and with it the distance that is left. Where the shift still grows it is doubled.
-    """
-    last, stretch = ascent.step[moving], ascent.stretch[moving]
-    axes = tuple(range(1, step.ndim))
-    last2, bend = np.sum(last * last, axis=axes), np.sum(last * (last - step), axis=axes)
-    if manifold.exact_gradient:
-        worse = density < (1 - FALL) * ascent.density[moving]
-    else:
-        worse = np.sum(step * step, axis=axes) > 4.0 * last2
-    back = worse & (stretch > 1)
-    onward = near & ~back & (stretch > 0)
-    new = np.where(onward, 2.0 * stretch, 1.0)
-    np.divide(stretch * last2, bend, out=new, where=onward & (bend > 0))
-    on = moving[~back]
-    ascent.origin[on], ascent.step[on] = ascent.x[on], step[~back]
-    ascent.density[on] = density[~back]
-    ascent.stretch[moving] = np.clip(new, 1.0, MOST_STRETCH)
-    go = _scaled(ascent.stretch[moving], ascent.step[moving])
-    ascent.x[moving] = manifold.exp(ascent.origin[moving], go)
-    return np.asarray(back)
-
-
-def follow(manifold: Manifold, within: float, ascent: Ascent, moving: Integers) -> Integers:
-    """Let the ``moving`` follow denser trajectories within ``within``; the others are returned."""
+def follow(manifold: Manifold, within: float, ascent: Ascent, moving: Integers) -> Mask:
+    """Let the ``moving`` follow denser trajectories within ``within``; which do not is returned."""
+    if len(moving) * ascent.size < FEWEST_PAIRS:
+        return np.ones(len(moving), dtype=bool)
     alone = ascent.leader == np.arange(len(ascent.leader))
     followed = np.zeros(len(alone), dtype=bool)
     followed[ascent.leader[~alone]] = True
@@ -214,9 +259,20 @@ def follow(manifold: Manifold, within: float, ascent: Ascent, moving: Integers) 
         first = np.argmax(near, axis=1)
         joins = near[np.arange(len(block)), first] & (first < rank[block])
         ascent.leader[block[joins]] = ahead[first[joins]]
-    return np.asarray(moving[ascent.leader[moving] == moving])
+    return np.asarray(ascent.leader[moving] == moving)
+
+
+def _dot(u: Floats, v: Floats) -> Floats:
+    """The sums [m] of the products of all entries of each of ``u`` and ``v`` [m, ...]."""
+    m = len(u)
+    return np.asarray(np.einsum("mi,mi->m", u.reshape(m, -1), v.reshape(m, -1)))
+
+
+def _numbers(numbers: npt.NDArray[Any], like: Floats) -> npt.NDArray[Any]:
+    """One number per row of ``like``, shaped so that it spreads over the row."""
+    return numbers.reshape(len(like), *(1,) * (like.ndim - 1))
 
 
 def _scaled(numbers: Floats, tangents: Floats) -> Floats:
     """Each of the ``tangents`` [m, ...] times its number [m]."""
-    return np.asarray(numbers.reshape(len(tangents), *(1,) * (tangents.ndim - 1)) * tangents)
+    return np.asarray(_numbers(numbers, tangents) * tangents)

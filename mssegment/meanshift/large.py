@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from mssegment.meanshift.ascent import Ascent
+from mssegment.meanshift.ascent import Ascent, Mask
 from mssegment.meanshift.search import ISOLATED, WAY_TOLERANCE, Found, Search
 from mssegment.records import Floats, Integers
 
@@ -33,15 +33,15 @@ class _Adoption:
         self.cloud = search.manifold.cloud(modes, within, precise=False, reach=1.0)
         self.by = np.full(count, -1)
 
-    def __call__(self, ascent: Ascent, moving: Integers) -> Integers:
-        """Adopt what is near enough; returns the indices of the rest."""
+    def __call__(self, ascent: Ascent, moving: Integers) -> Mask:
+        """Adopt what is near enough; returns what is not."""
         for start in range(0, len(moving), self.cloud.rows):
             block = moving[start : start + self.cloud.rows]
             z = self.cloud.seen_from(ascent.x[block]).z
             nearest = np.argmin(z, axis=1)
             near = z[np.arange(len(block)), nearest] < 1.0
             self.by[block[near]] = nearest[near]
-        return np.asarray(moving[self.by[moving] < 0])
+        return np.asarray(self.by[moving] < 0)
 
 
 def find_by_sample(

@@ -9,7 +9,7 @@ from functools import partial
 import numpy as np
 
 from mssegment.manifolds import Manifold
-from mssegment.meanshift.ascent import Ascent, Thin, ascend, follow
+from mssegment.meanshift.ascent import Ascent, Mask, Thin, ascend, follow
 from mssegment.meanshift.kernels import Kernel
 from mssegment.meanshift.modes import merge
 from mssegment.records import Floats, Integers
@@ -57,6 +57,7 @@ class Search:
         tolerance: float,
         precise: bool = False,
         thin: Thin | None = None,
+        record: bool = False,
         own: bool = False,
     ) -> Ascent:
         """Move ``starts`` up the density of ``points``; with ``thin``, all but the stragglers."""
@@ -70,7 +71,7 @@ class Search:
             self.max_iterations,
             thin,
             until=len(starts) // STRAGGLERS if thin else 0,
-            record=self.record and thin is not None,
+            record=record,
             own=own,
             pool=self.pool,
         )
@@ -86,37 +87,75 @@ class Search:
         return self.merge(polished.x, polished.density, self.merge_within)
 
     def leave_saddles(
-        self, points: Floats, x: Floats, rng: np.random.Generator
-    ) -> tuple[Floats, Floats, Integers]:
-        """Climb on from the ends ``x`` together with a perturbed copy of each.
+        self, points: Floats, x: Floats, density: Floats, rng: np.random.Generator
+    ) -> tuple[Integers, Floats]:
+        """Which of the ends ``x`` may be saddles, and where perturbed copies of those have gone.
 
-        A saddle is an end whose copy goes elsewhere; it gives way to where that arrives.
+        A copy climbs until it has come back to its end (or a few are left).
         """
         push = PERTURBATION * self.bandwidth * self.manifold.random_tangent(x, rng)
-        both = np.concatenate([x, self.manifold.exp(x, push)])
-        arrived = self.climb(points, both, WAY_TOLERANCE)
-        (end, copy), (density, of_copy) = np.split(arrived.x, 2), np.split(arrived.density, 2)
-        saddle = self.manifold.dist(end, copy) > 0.5 * self.bandwidth
-        end[saddle], density[saddle] = copy[saddle], of_copy[saddle]
-        return self.merge(end, density, FOLLOW_WITHIN)
+        back = _ComeBack(self, x, density)
+        way = self.climb(points, self.manifold.exp(x, push), WAY_TOLERANCE, thin=back)
+        away = np.flatnonzero(~back.returned)
+        return away, way.x[away]
+
+    def settle(
+        self, points: Floats, x: Floats, density: Floats, whole: Mask, rng: np.random.Generator
+    ) -> tuple[Floats, Floats, Integers]:
+        """As ``polish``, from the ends ``x`` of trajectories of which the ``whole`` had converged.
+
+        Some of those may be saddles. A saddle is an end whose perturbed copy goes elsewhere; it
+        gives way to where that arrives.
+        """
+        stood = np.flatnonzero(whole)
+        away, copies = self.leave_saddles(points, x[stood], density[stood], rng)
+        both = np.concatenate([x, copies])
+        polished = self.climb(points, both, MODE_TOLERANCE, precise=True)
+        left, place = np.arange(len(x)), len(x) + np.arange(len(away))
+        of = stood[away]
+        apart = self.manifold.dist(polished.x[of], polished.x[place]) > 0.5 * self.bandwidth
+        left[of[apart]] = place[apart]
+        return self.merge(polished.x[left], polished.density[left], self.merge_within)
 
     def find(self, points: Floats, rng: np.random.Generator) -> Found:
         """All modes of the density of ``points`` that a trajectory from one of them reaches.
 
         Isolated ends stay as they are (in single precision, within 0.01 bandwidths). The others
-        are merged, freed of saddles, polished in double precision and merged again.
+        are merged, freed of saddles and polished in double precision, and merged again.
         """
         nearby = partial(follow, self.manifold, FOLLOW_WITHIN * self.bandwidth)
-        way = self.climb(points, points, WAY_TOLERANCE, thin=nearby)
+        way = self.climb(points, points, WAY_TOLERANCE, thin=nearby, record=self.record)
         ends, place = np.unique(way.last_leader(), return_inverse=True)
         lonely = (way.density[ends] * len(points) < 1.0 + ISOLATED) & way.converged[ends]
         alone, social = ends[lonely], ends[~lonely]
-        x, _, first = self.merge(way.x[social], way.density[social], FOLLOW_WITHIN)
-        x, _, second = self.leave_saddles(points, x, rng)
-        x, density, third = self.polish(points, x)
+        within = FOLLOW_WITHIN * self.bandwidth
+        kept, first = merge(self.manifold, way.x[social], way.density[social], within)
+        some = social[kept]
+        x, density, second = self.settle(
+            points, way.x[some], way.density[some], way.converged[some], rng
+        )
         mode_of_end = np.empty(len(ends), dtype=np.int64)
-        mode_of_end[~lonely] = third[second[first]]
+        mode_of_end[~lonely] = second[first]
         mode_of_end[lonely] = len(x) + np.arange(len(alone))
         modes = np.concatenate([x, way.x[alone]])
         densities = np.concatenate([density, way.density[alone]])
         return Found(modes, densities, mode_of_end[place], way)
+
+
+class _ComeBack:
+    """Which perturbed copies of the ends ``x`` have returned to them.
+
+    One has when it is half as far as it was and not denser: on its way out of a saddle it would be.
+    """
+
+    def __init__(self, search: Search, x: Floats, density: Floats) -> None:
+        self.manifold, self.x, self.density = search.manifold, x, density
+        self.within = 0.5 * PERTURBATION * search.bandwidth
+        self.returned = np.zeros(len(x), dtype=bool)
+
+    def __call__(self, ascent: Ascent, moving: Integers) -> Mask:
+        """Take out what has returned; returns what has not."""
+        near = self.manifold.dist(ascent.x[moving], self.x[moving]) < self.within
+        back = near & (ascent.density[moving] <= self.density[moving])
+        self.returned[moving] = back
+        return np.asarray(~back)
