@@ -69,9 +69,10 @@ def hypothesize(
 
     ``model`` is a name in ``motions.MODELS``, or ``auto``: affine and homography, one set each.
     ``count`` is the number of hypotheses per set, ``auto`` draws until the tracks find no better
-    hypotheses. ``eligible`` [P] excludes tracks (background); incomplete tracks are in no subset.
-    ``rank`` is that of ``factorization``; ``derotate`` takes the camera's rotation out before
-    ``translation``; ``auto`` where it explains the matches much better (``derotation``).
+    hypotheses, and few of a second set. ``eligible`` [P] excludes tracks (background); incomplete
+    tracks are in no subset. ``rank`` is that of ``factorization``; ``derotate`` takes the camera's
+    rotation out before ``translation``; ``auto`` where it explains the matches much better
+    (``derotation``).
     Fewer hypotheses than asked for are returned where no more subsets are confirmed.
 
     Raises DataError where the tracks cannot make a hypothesis, UsageError for a wrong argument.
@@ -90,7 +91,8 @@ def hypothesize(
     return [
         _sample(
             _scene(motions.make(n, frames=frames, rank=rank), points, usable, camera, rotation),
-            count,
+            # of two sets the first finds the bodies; the second need not be as dense
+            FEWEST if count == "auto" and n != names[0] else count,
             sampling,
             rng,
         )

@@ -22,6 +22,7 @@ import numpy as np
 from mssegment.hypotheses import nearest_neighbours, neighbour_space
 from mssegment.records import Integers
 from mssegment.segmentation.candidates import Candidates, Family, from_modes, join
+from mssegment.segmentation.continuity import join_faces
 from mssegment.segmentation.description import Description
 from mssegment.segmentation.granularity import parallax_of, scale_range, suggest
 from mssegment.segmentation.labelling import NEIGHBOURS, neighbour_labels
@@ -75,6 +76,8 @@ def mdl(problem: Problem, recipe: Recipe = STANDARD) -> Choice:
     problem, notes = with_granularity(problem, recipe)
     best, description = shortest(problem, recipe)
     labels, best = settle(problem, best, description, recipe.neighbours)
+    if problem.granularity == "object" and problem.motions is None:
+        labels, best = join_faces(problem, labels, best, description)
     found = motions_of(best, labels, description)
     if len(found) < description.fewest:
         notes.append(f"{description.fewest} motions were wanted, but the tracks hold {len(found)}")
@@ -280,6 +283,8 @@ def motions_of(chosen: Candidates, labels: Integers, description: Description) -
         if not inliers.any():
             continue
         rest = chosen.take([j for j in range(len(chosen)) if j != k])
+        explained = inliers & (chosen.gains[k] > 0)
+        residuals = chosen.residuals[k][explained if explained.any() else inliers]
         noise = description.families[int(chosen.views[k])].noise
         found.append(
             Chosen(
@@ -287,7 +292,7 @@ def motions_of(chosen: Candidates, labels: Integers, description: Description) -
                 point=chosen.points[k],
                 inliers=inliers,
                 mode=int(chosen.modes[k]),
-                scale=noise.deviation(chosen.residuals[k][inliers]),
+                scale=noise.deviation(residuals),
                 cost_saved=total - description.worth(rest),
             )
         )

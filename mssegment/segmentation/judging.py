@@ -12,13 +12,17 @@ from mssegment.records import OUTLIER, Floats, HypothesisSet, Integers, Motion, 
 from mssegment.segmentation.granularity import LEAST_SCALE
 from mssegment.segmentation.likelihood import DEGREES_OF_FREEDOM
 
+REACH = 6.0
+"""Standard deviations of a motion's residuals beyond which no track is judged to be its."""
+
 
 def judge(points: Floats, sets: Sequence[HypothesisSet], found: Segmentation) -> Integers:
     """The label of each track [P, F, 2] (pixels) under the motions found: 1..m, or 0.
 
     A track belongs to the likeliest motion among those that reach so far, given the scale of each
     motion's residuals and its share of the tracks: a wide motion of few tracks passes near many
-    tracks of a narrow one. A motion reaches as far as the largest residual of its own inliers.
+    tracks of a narrow one. A motion reaches as far as the largest residual of its own inliers, and
+    no further than REACH: the far faces of a body (``continuity``) are its own, but do not fit it.
     Tracks must be seen in all frames of the sets.
     """
     if not found.motions:
@@ -31,7 +35,8 @@ def judge(points: Floats, sets: Sequence[HypothesisSet], found: Segmentation) ->
         )
         observed = model.observe(points[:, list(chosen.frames)], chosen.coordinates)
         residuals = model.residuals(motion.parameters[None], observed, chosen.coordinates)[0]
-        reach = np.nanmax(found.residuals[motion.label - 1][motion.inliers])
+        own = found.residuals[motion.label - 1][motion.inliers]
+        reach = min(float(np.nanmax(own)), REACH * motion.scale)
         rows.append(np.where(residuals <= reach, _cost(model, motion, residuals), np.inf))
     nearest = np.argmin(rows, axis=0)
     labels = np.array([motion.label for motion in found.motions])[nearest]
