@@ -153,7 +153,7 @@ def hypothesize(document: TracksDocument, configuration: Configuration) -> Hypot
         min_displacement=configuration.background.min_displacement,
     )
     notes = background.notes
-    if nothing_moves(background.status, configuration.hypothesize.model):
+    if nothing_moves(background.status, _model(configuration, points.shape[1])):
         sets: list[HypothesisSet] = []
         notes = (*notes, "nothing else moves: there is no motion to look for")
     else:
@@ -183,9 +183,10 @@ def _draw_sets(
     settings, frames = configuration.hypothesize, points.shape[1]
     eligible = background.status == 0
     rng = _random("hypothesize", configuration)
-    if uses_consensus(configuration.cluster.method, settings.model, frames):
+    model = _model(configuration, frames)
+    if uses_consensus(configuration.cluster.method, model, frames):
         return draw_consensus_sets(points, rng, eligible=eligible, static=background.found)
-    if settings.model == "factorization" and frames >= AUTO_FRAMES:
+    if model == "factorization" and frames >= AUTO_FRAMES:
         return draw_long_sets(
             points,
             count=settings.count,
@@ -199,7 +200,7 @@ def _draw_sets(
         derotate = False  # a camera that stands still does not turn
     return draw(
         points,
-        model=settings.model,
+        model=model,
         camera=camera,
         count=settings.count,
         sampling=settings.sampling,
@@ -217,7 +218,7 @@ def cluster(
     from mssegment.segmentation import cluster as segment
     from mssegment.stage_checks import check_sets, no_motion, nothing_moves
 
-    if nothing_moves(document.status, configuration.hypothesize.model):
+    if nothing_moves(document.status, _model(configuration, len(document.frames))):
         return _segmentation(document, no_motion(document.status), configuration)
     check_sets(document.sets)
     found = segment(
@@ -328,6 +329,12 @@ def straight(points: Floats, camera: Camera | None) -> Floats:
     from mssegment.imaging.camera import undistort_points
 
     return undistort_points(points, camera)
+
+
+def _model(configuration: Configuration, frames: int) -> str:
+    """The model: ``auto`` is a choice among planar motions for two frames, else factorization."""
+    model = configuration.hypothesize.model
+    return "factorization" if model == "auto" and frames > 2 else model
 
 
 def _given(value: Any) -> Any:

@@ -164,7 +164,7 @@ def test_tracks_of_ones_own_are_segmented_and_judged(tracks_csv: str, tmp_path: 
 
 def test_set_and_options_reach_the_stages(tracks_csv: str, tmp_path: Path) -> None:
     out = tmp_path / "out"
-    arguments = ["run", tracks_csv, "--out", str(out), "-q", "--motions", "1"]
+    arguments = ["run", tracks_csv, "--out", str(out), "-q", "--motions", "1", "--model", "affine"]
     assert invoke([*arguments, "--set", "cluster.bandwidth=0.05"]) == 0
     document = json.loads((out / "segmentation.json").read_text())
     assert document["bandwidths"] == [0.05]

@@ -67,7 +67,7 @@ BENCHMARKS: dict[str, Benchmark] = {
             "adelaidermf",
             {"background.remove": False},
             {
-                "motion": {"segment.granularity": "object"},
+                "motion": {"segment.granularity": "object", "hypothesize.model": "auto"},
                 "plane": {
                     "segment.granularity": "surface",
                     "hypothesize.model": "homography",

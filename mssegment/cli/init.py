@@ -8,7 +8,7 @@ from mssegment.cli import COMMANDS
 from mssegment.cli.common import Voice, output_option, voice_options
 from mssegment.documents import STANDARD, write_bytes
 
-MODELS = ("affine", "translation", "factorization", "homography", "auto")
+MODELS = ("auto", "affine", "homography", "translation", "factorization")
 
 
 @click.command(
@@ -18,7 +18,7 @@ MODELS = ("affine", "translation", "factorization", "homography", "auto")
 @click.option(
     "--model",
     type=click.Choice(MODELS),
-    default="affine",
+    default="auto",
     show_default=True,
     help="The motion model that the configuration is for.",
 )

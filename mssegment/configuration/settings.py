@@ -114,9 +114,10 @@ class HypothesizeSettings(Section, frozen=True):
     model: Annotated[
         Literal["auto", "affine", "homography", "translation", "factorization"],
         Meta(
-            description="The motion model; auto: affine or homography, whichever says it shorter."
+            description="The motion model; auto: of two views affine or homography, for each motion "
+            "the one that says it shorter, of more views factorization."
         ),
-    ] = "affine"
+    ] = "auto"
     rank: Annotated[
         Auto | Annotated[int, Meta(ge=3, le=4)],
         Meta(description="Rank of a motion's subspace for factorization: 3 planar, 4 general."),

@@ -20,7 +20,7 @@ _IMAGES = {
 }
 
 
-def template(model: str = "affine") -> str:
+def template(model: str = "auto") -> str:
     """The text of a configuration for ``model`` that may be edited and run."""
     values: dict[str, Any] = {key: setting.default for key, setting in KEYS.items()}
     values["hypothesize.model"] = model
