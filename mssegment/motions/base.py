@@ -91,6 +91,13 @@ class MotionModel(ABC):
     ) -> Floats:
         """|M(p_i)| of equations (23) and (24), [B, P], in the units of the paper's table."""
 
+    def orientations(self, points: Floats) -> Floats:
+        """The motions that the points [B, ...] of the manifold may stand for, one or more each.
+
+        All first ones, then all second ones, if any: [n B, ...].
+        """
+        return points
+
     def free_extent(self, observed: Floats, coordinates: Coordinates) -> float:
         """Natural log of the extent (pixels) along which a motion leaves a track free.
 

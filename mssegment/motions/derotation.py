@@ -2,7 +2,9 @@
 
 Half a degree between two frames moves a far background by several pixels and by more than the
 noise across its epipolar lines, so that equation (25) holds for nothing any more. The rotation is
-found from the matches themselves, robustly: most of them are the static world.
+found from the matches themselves: it is the one under which a few translations describe them all
+best. One translation alone would not do, because the rotation then makes up for what other bodies
+do: the static world may be a third of the matches.
 """
 
 from __future__ import annotations
@@ -10,37 +12,60 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import least_squares
-from scipy.spatial.transform import Rotation
+from scipy.spatial import KDTree
 
-from mssegment.motions.translation import Translation, rays, sampson
-from mssegment.records import Camera, Coordinates, Floats
+from mssegment.motions.translation import Translation, rays
+from mssegment.motions.turning import (
+    TINY,
+    cross,
+    damped_step,
+    degrees,
+    distances,
+    half_line_squares,
+    linearized,
+    rotation,
+    solve,
+    step,
+    tangent_basis,
+    turn,
+)
+from mssegment.records import Camera, Floats, Integers
 
-COARSE, FINE = 1.0, (0.3, 0.1, 0.05)
-"""Scales of the Cauchy loss, pixels, one fit after the other: from all matches to the static
-world, which a good tracker sees to a tenth of a pixel."""
-SAMPLE = 400
-"""Matches that the coarse fits look at."""
-REFINED = 4
-"""Coarse fits that are refined: a turn and a shift sideways look alike, so there are several."""
-RESTARTS, RESTART_SIZE = 60, 10
-NEAR = 1.0
-"""Pixels from the epipolar line within which a match fits."""
-LEAST_SHARE = 0.6
-"""Share of the matches that the static world must explain: fewer could be a body's own motion."""
+SUBSETS, SUBSET_SIZE, ROUNDS = 400, 7, 8
+"""Subsets that a rotation is fitted to, and their size: two matches more than there are parameters.
+Half of them come from a neighbourhood that holds a quarter of the matches."""
+SAMPLE = 250
+"""Matches that the candidates are judged by."""
+CANDIDATES = 12
+"""Rotations that are judged by all bodies; the best, REFINED of them, are then refined."""
+SCALES = (0.05, 0.1, 0.2, 0.4, 0.8, 1.6)
+"""Scales of a body's residuals that are tried, pixels: from a good tracker on the static world to a
+body that turns a little itself."""
+SEEDS, NEIGHBOURS = 100, 8
+"""Places where a translation is fitted, and the nearest matches that it is fitted to."""
+BODIES = 5
+REFINED = 2
+REFINEMENTS = 8
+"""Turns of bodies and rotation, at most; each has a few STEPS."""
+STEPS = 3
+POLISHINGS, NEAR = 10, 4.0
+"""Steps on the largest motion alone, and how far its matches reach, in medians."""
+PIXEL, LEAST_SHARE = 1.0, 0.25
+"""The largest motion must explain such a share of the matches within a pixel; less is chance."""
+RIDGE = 1e-6
+"""Share of the diagonal of the normal equations that is added: two bodies may be one."""
+LEAST_MOTION = 2.0
+"""Pixels; a match that moved less says nothing about a direction."""
 LARGEST = 10.0
 """Degrees; a camera that turns more was not meant to translate."""
-STARTS = tuple(
-    (x, y, z) for z in (0.0, 1.0) for x in (-1.0, 0.0, 1.0) for y in (-0.5, 0.0, 0.5) if x or z
-)
-"""Directions of translation to start from."""
+NONE = np.zeros((0, 3))
 
 
 @dataclass(frozen=True)
 class Derotation:
     """``rotation`` [3, 3] turns rays of frame 2 into the orientation of frame 1; ``degrees``.
 
-    ``share`` of the matches fit one translation within a pixel after it.
+    ``share`` of the matches fit the largest motion within a pixel after it.
     """
 
     rotation: Floats
@@ -48,92 +73,231 @@ class Derotation:
     share: float
 
 
+@dataclass(frozen=True)
+class _Matches:
+    """Rays (x, y, 1) of both views [P, 3], the ``focal`` length in pixels and, in pixels, the
+    ``extent`` of the displacements; ``groups`` [S, k] are matches that lie together."""
+
+    first: Floats
+    second: Floats
+    focal: float
+    extent: float
+    groups: Integers
+
+
+@dataclass(frozen=True)
+class _Bodies:
+    """A few translations: ``directions`` [m, 3], ``scales`` [m] (pixels), the body of each match
+    ``labels`` [P] (-1: none), and the nats that they ``saved``."""
+
+    directions: Floats
+    scales: Floats
+    labels: Integers
+    saved: float
+
+
 def find_rotation(points: Floats, camera: Camera, rng: np.random.Generator) -> Derotation | None:
     """The rotation of the camera between two views, from matches [P, 2, 2] (pixels).
 
-    Fits translation direction and rotation together, Cauchy loss on the Sampson distance. None
-    where no translation explains most of the matches, where the rotation is not small, or where it
-    explains no more than a camera that did not turn.
+    None where the rotation is not small, where it saves less than its three parameters cost, or
+    where no motion explains enough matches to trust it.
     """
     model = Translation()
     coordinates = model.coordinates(points, camera)
-    if len(points) < 8:
+    moved = np.linalg.norm(points[:, 1] - points[:, 0], axis=1)
+    if np.count_nonzero(moved >= LEAST_MOTION) <= SUBSET_SIZE:
         return None
-    observed = model.observe(points, coordinates)
-    costs = {}
-    for turn in (False, True):
-        costs[turn] = min(_search(observed, coordinates, turn, rng), key=lambda fit: fit[1])
-    parameters, cost = costs[True]
-    residuals = np.abs(_residuals(parameters, observed, coordinates))
-    found = Derotation(
-        Rotation.from_rotvec(parameters[3:]).as_matrix(),
-        float(np.degrees(np.linalg.norm(parameters[3:]))),
-        float((residuals < NEAR).mean()),
-    )
-    # three more parameters must pay for themselves, in nats
-    pays = costs[False][1] - cost > 1.5 * np.log(len(points))
-    return found if pays and found.share >= LEAST_SHARE and found.degrees < LARGEST else None
+    matches = rays(model.observe(points, coordinates))
+    extent = 2 * float(moved.max())
+    every = _matches(points, matches, coordinates.scale, extent, np.arange(len(points)))
+    some = np.sort(rng.permutation(len(points))[:SAMPLE])
+    sample = _matches(points, matches, coordinates.scale, extent, some)
+    candidates = _candidates(points, every, sample, rng)
+    values = [_bodies(sample, one).saved for one in candidates]
+    # no rotation is the first candidate, and the likeliest before anything is seen
+    best = sorted({0, *np.argsort(values)[-REFINED:].tolist()})
+    refined = [_refined(every, candidates[one]) for one in best]
+    found, bodies = max(refined, key=lambda pair: pair[1].saved)
+    found, share = _polished(every, found, bodies)
+    unturned = _bodies(every, np.eye(3), bodies.directions)
+    angle, saved = float(degrees(found)), bodies.saved - unturned.saved
+    # three parameters, each to the precision that the largest body gives, within the largest turn
+    largest = np.bincount(bodies.labels + 1)[1:].max(initial=1)
+    scale = float(bodies.scales[0]) if len(bodies.scales) else 1.0
+    span = np.radians(2 * LARGEST) * coordinates.scale
+    price = 3 * np.log(span * np.sqrt(largest) / scale)
+    fits = share >= LEAST_SHARE and angle < LARGEST
+    return Derotation(found, angle, share) if fits and saved > price else None
 
 
-def _residuals(parameters: Floats, observed: Floats, coordinates: Coordinates) -> Floats:
-    """Sampson distances [P] in pixels for (t, rotation vector)."""
-    turned = rays(observed[:, 1]) @ Rotation.from_rotvec(parameters[3:]).as_matrix().T
-    both = np.stack([observed[:, 0], turned[:, :2] / turned[:, 2:]], axis=1)
-    direction = parameters[None, :3] / np.linalg.norm(parameters[:3])
-    return np.asarray(sampson(direction, both)[0][0] * coordinates.scale)
+def _matches(
+    points: Floats, matches: Floats, focal: float, extent: float, chosen: Integers
+) -> _Matches:
+    """The ``chosen`` matches, grouped with their neighbours in the space of (x, y, x', y')."""
+    own = points[chosen].reshape(len(chosen), 4)
+    moved = np.flatnonzero(np.linalg.norm(own[:, 2:] - own[:, :2], axis=1) >= LEAST_MOTION)
+    seeds = moved[:: max(1, len(moved) // SEEDS)]
+    _, groups = KDTree(own).query(own[seeds], k=min(NEIGHBOURS + 1, len(own)))
+    both = matches[chosen]
+    return _Matches(both[:, 0], both[:, 1], focal, extent, groups.astype(np.int64))
 
 
-def _search(
-    observed: Floats, coordinates: Coordinates, turn: bool, rng: np.random.Generator
-) -> list[tuple[Floats, float]]:
-    """The best of all starts, refined: parameters (t, rotation vector) and robust cost in nats."""
-    some = observed[:: max(1, len(observed) // SAMPLE)]
-    coarse = [
-        _fit(some, coordinates, np.array([*t, 0.0, 0.0, 0.0]), turn, COARSE, 12) for t in STARTS
-    ]
-    coarse.sort(key=lambda fit: fit[1])
-    refined = [_refined(observed, coordinates, fit[0], turn) for fit in coarse[:REFINED]]
-    refined.sort(key=lambda fit: fit[1])
-    # moving bodies drag the static world's motion along: start again from a few matches at a time
-    best = refined[0][0]
-    near = np.flatnonzero(np.abs(_residuals(best, observed, coordinates)) < NEAR)
-    if len(near) < RESTART_SIZE:
-        return refined
-    restarts = []
-    for _ in range(RESTARTS):
-        some = observed[rng.choice(near, RESTART_SIZE, replace=False)]
-        parameters, _ = _fit(some, coordinates, best, turn, FINE[0], 8)
-        error = _residuals(parameters, observed, coordinates) / FINE[-1]
-        restarts.append((parameters, 0.5 * float(np.log1p(error**2).sum())))
-    restarts.sort(key=lambda fit: fit[1])
-    refined += [_refined(observed, coordinates, fit[0], turn) for fit in restarts[:REFINED]]
-    return refined
+def _candidates(
+    points: Floats, every: _Matches, sample: _Matches, rng: np.random.Generator
+) -> Floats:
+    """No rotation, and the rotations of subsets that explain most of the ``sample``, [n, 3, 3]."""
+    subsets = _subsets(points, rng)
+    first, second = every.first[subsets], every.second[subsets]
+    rows = cross(first, second)
+    starts = np.linalg.eigh(np.swapaxes(rows, 1, 2) @ rows)[1][:, :, 0]
+    # the shift of a camera that turned looks sideways: start from straight ahead as well
+    starts[::2] = [0.0, 0.0, 1.0]
+    directions, rotations = solve(starts, first, second, ROUNDS)
+    small = degrees(rotations) < LARGEST
+    directions, rotations = directions[small], rotations[small]
+    fit = distances(directions, sample.first, turn(sample.second, rotations))
+    values = np.stack(
+        [
+            np.maximum(_gains(half_line_squares(*fit, sign), sample, scale), 0.0).sum(axis=1)
+            for sign in (1.0, -1.0)
+            for scale in SCALES
+        ]
+    ).max(axis=0)
+    best = np.argsort(-values, kind="stable")[:CANDIDATES]
+    return np.concatenate([np.eye(3)[None], rotations[best]])
 
 
-def _refined(
-    observed: Floats, coordinates: Coordinates, parameters: Floats, turn: bool
-) -> tuple[Floats, float]:
-    """A robust fit to all matches, down to the finest scale."""
-    cost = np.inf
-    for scale in FINE:
-        parameters, cost = _fit(observed, coordinates, parameters, turn, scale, 30)
-    return parameters, cost
+def _subsets(points: Floats, rng: np.random.Generator) -> Integers:
+    """Matches [SUBSETS, SUBSET_SIZE], half of the subsets from all over, half from one region."""
+    count = len(points)
+    half = SUBSETS // 2
+    anywhere = rng.random((half, count)).argsort(axis=1)[:, :SUBSET_SIZE]
+    flat = points.reshape(count, 4)
+    around = max(count // 4, SUBSET_SIZE)
+    _, near = KDTree(flat).query(flat[rng.integers(count, size=SUBSETS - half)], k=around)
+    places = rng.random(near.shape).argsort(axis=1)[:, :SUBSET_SIZE]
+    return np.concatenate([anywhere, np.take_along_axis(near, places, axis=1)]).astype(np.int64)
 
 
-def _fit(
-    observed: Floats, coordinates: Coordinates, start: Floats, turn: bool, scale: float, limit: int
-) -> tuple[Floats, float]:
-    """One robust fit: parameters (t, rotation vector) and cost over the squared scale (nats)."""
-    free = 6 if turn else 3
+def _gains(squares: Floats, matches: _Matches, scale: float) -> Floats:
+    """Nats saved against a uniform code by residuals with a Cauchy distribution of this scale.
 
-    def residuals(x: Floats) -> Floats:
-        return _residuals(np.concatenate([x, start[free:]]), observed, coordinates)
+    ``squares`` of residuals in normalised coordinates.
+    """
+    spread = np.log1p(squares * (matches.focal / scale) ** 2)
+    return np.asarray(np.log(matches.extent / (np.pi * scale)) - spread)
 
-    # the rotation is of the order of a pixel over the focal length
-    steps = np.array([1.0, 1.0, 1.0, 0.01, 0.01, 0.01])[:free]
-    found = least_squares(
-        residuals, start[:free], x_scale=steps, loss="cauchy", f_scale=scale, max_nfev=limit
-    )
-    parameters = np.concatenate([found.x, start[free:]])
-    parameters[:3] /= np.linalg.norm(parameters[:3])
-    return parameters, float(found.cost) / scale**2
+
+def _bodies(matches: _Matches, turned: Floats, known: Floats = NONE) -> _Bodies:
+    """The translations, at most BODIES, that describe the matches best under the turn [3, 3].
+
+    Candidates are the ``known`` directions [n, 3] and those fitted to groups of neighbours; the one
+    that saves most comes first, and so on.
+    """
+    first, second = matches.first, turn(matches.second, turned[None])[0]
+    rows = cross(first, second)[matches.groups]
+    directions = np.linalg.eigh(np.swapaxes(rows, 1, 2) @ rows)[1][:, :, 0]
+    directions = np.concatenate([known, directions])
+    count = len(directions)
+    error, along = distances(directions, first, second)
+    # each direction points where the matches go that it was fitted to
+    fitted = np.take_along_axis(along[len(known) :], matches.groups, axis=1).sum(axis=1)
+    sign = np.concatenate([along[: len(known)].sum(axis=1), fitted])
+    sign = np.where(sign < 0, -1.0, 1.0)[:, None]
+    squares = half_line_squares(error, along, sign)
+    table = np.concatenate([_gains(squares, matches, s) for s in SCALES]).astype(np.float32)
+    # a direction is stated to the precision of the residuals
+    prices = np.repeat(2 * np.log(matches.extent / np.array(SCALES)), count)
+    saved, total, chosen = np.zeros(len(first), np.float32), 0.0, []
+    for _ in range(BODIES):
+        values = np.maximum(table, saved).sum(axis=1) - saved.sum() - prices
+        best = int(values.argmax())
+        if values[best] <= 0:
+            break
+        chosen.append(best)
+        total += float(values[best])
+        saved = np.maximum(saved, table[best])
+    if not chosen:
+        return _Bodies(np.zeros((0, 3)), np.zeros(0), np.full(len(first), -1), 0.0)
+    labels = np.where(saved > 0, table[chosen].argmax(axis=0), -1)
+    index = np.array(chosen)
+    return _Bodies(directions[index % count], np.array(SCALES)[index // count], labels, total)
+
+
+def _refined(matches: _Matches, turned: Floats) -> tuple[Floats, _Bodies]:
+    """The turn fitted to all bodies together, and the bodies under the turn, by turns."""
+    bodies = _bodies(matches, turned)
+    best, idle = (turned, bodies), 0
+    for _ in range(REFINEMENTS):
+        if not len(bodies.directions) or idle > 1:
+            break
+        turned, directions = _common_turn(matches, turned, bodies)
+        bodies = _bodies(matches, turned, directions)
+        idle = 0 if bodies.saved > best[1].saved + 1 else idle + 1
+        if bodies.saved > best[1].saved:
+            best = turned, bodies
+    return best
+
+
+def _polished(matches: _Matches, turned: Floats, bodies: _Bodies) -> tuple[Floats, float]:
+    """The turn [3, 3] fitted to the largest motion alone: others may turn a little themselves.
+
+    Its matches are those within its own noise, found again after each step. The turn is kept as it
+    is where the other bodies lose more by it than one direction costs. The second result is the
+    share of all matches that the motion explains to a pixel.
+    """
+    if not len(bodies.directions):
+        return turned, 0.0
+    direction, rotations = bodies.directions[:1], turned[None]
+    scale = bodies.scales[0] / matches.focal
+    square = _squares(matches, direction, rotations)
+    for _ in range(POLISHINGS):
+        own = square < (NEAR * scale) ** 2
+        if own.sum() <= SUBSET_SIZE:
+            break
+        scale = max(float(np.sqrt(np.median(square[own]))), SCALES[0] / matches.focal / 2)
+        error, jacobian = linearized(direction, rotations, matches.first[own], matches.second[own])
+        weights = 1 / np.sqrt(scale**2 + error**2)
+        steps = damped_step(jacobian * weights[..., None], error * weights, np.full(1, RIDGE))
+        direction, rotations = step(direction, rotations, steps)
+        square = _squares(matches, direction, rotations)
+    share = float((square < (PIXEL / matches.focal) ** 2).mean())
+    known = np.concatenate([direction, bodies.directions[1:]])
+    loss = bodies.saved - _bodies(matches, rotations[0], known).saved
+    taken = loss < 2 * np.log(matches.extent / SCALES[0])
+    return (rotations[0] if taken else turned), share
+
+
+def _squares(matches: _Matches, direction: Floats, rotations: Floats) -> Floats:
+    """Squared distances [P] from the one motion, on the side where most matches go."""
+    error, along = distances(direction, matches.first, turn(matches.second, rotations))
+    near = np.abs(error) < PIXEL / matches.focal
+    sign = -1.0 if (near * along).sum() < 0 else 1.0
+    return np.asarray(half_line_squares(error, along, sign)[0])
+
+
+def _common_turn(matches: _Matches, turned: Floats, bodies: _Bodies) -> tuple[Floats, Floats]:
+    """One turn [3, 3] and the directions of all bodies [m, 3]: Gauss-Newton, Cauchy weights."""
+    directions = bodies.directions
+    unknowns = 3 + 2 * len(directions)
+    members = [np.flatnonzero(bodies.labels == j) for j in range(len(directions))]
+    for _ in range(STEPS):
+        normal, side = np.zeros((unknowns, unknowns)), np.zeros(unknowns)
+        for j, own in enumerate(members):
+            if not len(own):
+                continue
+            error, jacobian = linearized(
+                directions[[j]], turned[None], matches.first[own], matches.second[own]
+            )
+            # the scale of a Cauchy distribution is the median
+            scale = max(float(np.median(np.abs(error[0]))), SCALES[0] / matches.focal)
+            weights = 1 / (scale**2 + error[0] ** 2)
+            place = np.array([3 + 2 * j, 4 + 2 * j, 0, 1, 2])
+            normal[np.ix_(place, place)] += (jacobian[0].T * weights) @ jacobian[0]
+            side[place] += (jacobian[0].T * weights) @ error[0]
+        normal += np.diag(RIDGE * np.diag(normal) + TINY)
+        steps = np.asarray(-np.linalg.solve(normal, side), dtype=np.float64)
+        directions = directions + (tangent_basis(directions) @ steps[3:].reshape(-1, 2, 1))[..., 0]
+        directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+        turned = rotation(steps[:3]) @ turned
+    return turned, directions

@@ -8,6 +8,7 @@ import numpy as np
 
 from mssegment import manifolds
 from mssegment.motions.base import Flags, MotionModel
+from mssegment.motions.turning import cross, distances, half_line_squares
 from mssegment.records import Camera, Coordinates, Floats, Integers
 
 LEAST_SINE = 0.01
@@ -18,7 +19,13 @@ CONVERGED = 1e-6
 
 
 class Translation(MotionModel):
-    """t . (x1 x x2) = 0; two matches span a hypothesis, the residual is the Sampson distance."""
+    """t . (x1 x x2) = 0; two matches span a hypothesis, the residual is the Sampson distance.
+
+    A point on G(3,1) has no sign, a body has: its points lie in front of the camera, so that all
+    of them move away from the epipole, or all towards it. The fits orient t to say which, and a
+    match that goes the other way is as far from the motion as it moved (Sampson distance across
+    the epipolar line, displacement along it).
+    """
 
     name: ClassVar[str] = "translation"
     needs_camera: ClassVar[bool] = True
@@ -57,7 +64,8 @@ class Translation(MotionModel):
         length = np.linalg.norm(axis, axis=-1)
         sound = length > LEAST_SINE * lengths[:, 0] * lengths[:, 1] + 1e-16
         axis = np.where(sound[:, None], axis, [0.0, 0.0, 1.0])
-        return (axis / np.linalg.norm(axis, axis=-1, keepdims=True))[..., None], sound
+        axis = axis / np.linalg.norm(axis, axis=-1, keepdims=True)
+        return oriented(axis, samples, np.ones(samples.shape[:2]))[..., None], sound
 
     def fit(self, observed: Floats, weights: Floats) -> tuple[Floats, Flags]:
         """Least squares of the Sampson distance: (25) first, then Gauss-Newton on the sphere.
@@ -89,7 +97,7 @@ class Translation(MotionModel):
             moving = moving[~settled]
             if not len(moving):
                 break
-        return direction[..., None], sound
+        return oriented(direction, matches, weights)[..., None], sound
 
     def algebraic_fit(self, observed: Floats, weights: Floats) -> tuple[Floats, Flags]:
         """The direction that minimizes the weighted square of (25)."""
@@ -100,10 +108,14 @@ class Translation(MotionModel):
         return vectors[:, :, :1], np.asarray(sound & (values[:, 2] > 0))
 
     def residuals(self, points: Floats, observed: Floats, coordinates: Coordinates) -> Floats:
-        """Sampson distance from the epipolar constraint, pixels [B, P]."""
-        error = np.abs(points[:, :, 0] @ constraint_rows(observed).T)
-        gradient = np.sqrt(np.maximum(_gradient_square(points[..., 0], observed), 1e-18))
-        return np.asarray(error / gradient * coordinates.scale)
+        """Distance from the half of the epipolar line on the side of t, pixels [B, P]."""
+        first, second = rays(observed[:, 0]), rays(observed[:, 1])
+        squares = half_line_squares(*distances(points[..., 0], first, second))
+        return np.asarray(np.sqrt(squares) * coordinates.scale)
+
+    def orientations(self, points: Floats) -> Floats:
+        """t and -t: a mode is a line without a sign."""
+        return np.concatenate([points, -points])
 
     def algebraic_residuals(
         self, points: Floats, observed: Floats, coordinates: Coordinates
@@ -112,16 +124,24 @@ class Translation(MotionModel):
         return np.asarray(np.abs(points[:, :, 0] @ constraint_rows(observed).T))
 
     def free_extent(self, observed: Floats, coordinates: Coordinates) -> float:
-        """Along its epipolar line a match may lie anywhere in the extent of the displacements."""
+        """Along its half of the epipolar line a match may move as far as any match does."""
         shift = (observed[:, 1] - observed[:, 0]) * coordinates.scale
-        return float(np.log(max(np.ptp(shift, axis=0).max(), 1.0)))
+        return float(np.log(max(np.linalg.norm(shift, axis=1).max(initial=0.0), 1.0)))
+
+
+def oriented(directions: Floats, matches: Floats, weights: Floats) -> Floats:
+    """The unit directions [B, 3], signed so that the ``weights`` [B, n] move away from the epipole.
+
+    ``matches`` are [n, 2, 2] or [B, n, 2, 2].
+    """
+    first, second = rays(matches[..., 0, :]), rays(matches[..., 1, :])
+    along = distances(directions, first, second)[1]
+    return np.where((weights * along).sum(axis=1, keepdims=True) < 0, -directions, directions)
 
 
 def constraint_rows(observed: Floats) -> Floats:
     """x1 x x2 of equation (25) for matches [..., 2, 2] in normalised coordinates, [..., 3]."""
-    x1, y1 = observed[..., 0, 0], observed[..., 0, 1]
-    x2, y2 = observed[..., 1, 0], observed[..., 1, 1]
-    return np.stack([y1 - y2, x2 - x1, x1 * y2 - y1 * x2], axis=-1)
+    return cross(rays(observed[..., 0, :]), rays(observed[..., 1, :]))
 
 
 def _gradient_square(directions: Floats, observed: Floats) -> Floats:
