@@ -51,8 +51,11 @@ class View(ABC):
 class Cloud(ABC):
     """n fixed points of a manifold, prepared once for being seen from many places.
 
-    ``rows`` is how many places to look from at a time so that the work stays in the cache.
+    ``rows`` is how many places to look from at a time so that the work stays in the cache;
+    ``selective`` whether points out of reach cost less than others.
     """
+
+    selective: bool = False
 
     manifold: Manifold
     size: int

@@ -28,6 +28,7 @@ from mssegment.manifolds.base import (
 from mssegment.records import Floats, Integers
 
 EMBED_ROWS = 4096
+_TINY = 1e-300
 
 
 class Grassmann(Manifold):
@@ -73,12 +74,12 @@ class Grassmann(Manifold):
         Both are entire functions of the k x k matrix G. One Newton-Schulz step keeps x'x = I.
         """
         if self.k == 1:
-            length = np.sqrt(np.sum(v * v, axis=-2, keepdims=True))
-            moved = x * np.cos(length) + v * np.sinc(length / np.pi)
-            return np.asarray(moved / np.sqrt(np.sum(moved * moved, axis=-2, keepdims=True)))
+            length = np.sqrt(_t(v) @ v)
+            moved = x * np.cos(length) + v * (np.sin(length) / np.maximum(length, _TINY))
+            return np.asarray(moved / np.sqrt(_t(moved) @ moved))
         cosine, sinc = _cos_sinc(_t(v) @ v)
         moved = x @ cosine + v @ sinc
-        return np.asarray(moved @ (1.5 * np.eye(self.k) - 0.5 * (_t(moved) @ moved)))
+        return np.asarray(moved @ (1.5 * _identity(self.k) - 0.5 * (_t(moved) @ moved)))
 
     def log(self, x: Floats, y: Floats) -> Floats:
         """The geodesic logarithm, by the SVD of y'x; defined up to principal angles of pi/2."""
@@ -100,7 +101,7 @@ class Grassmann(Manifold):
 
     def inner(self, x: Floats, u: Floats, v: Floats) -> Floats:
         """tr(u'v)."""
-        return np.asarray(np.sum(u * v, axis=(-2, -1)))
+        return np.asarray(np.einsum("...ij,...ij->...", u, v))
 
     def dist(self, x: Floats, y: Floats) -> Floats:
         """Equation (12), d^2 = k - tr(x' y y' x), written |(I - xx') y|_F against cancellation."""
@@ -185,7 +186,8 @@ class _ProjectorCloud(Cloud):
         # with a copy of the transpose, BLAS is called for a product, not for half of one
         x = x.astype(self.dtype, copy=False)
         square = (x @ _t(x).copy()).reshape(len(x), self.n**2)
-        return np.asarray(square.take(self.upper, axis=1))
+        embedded: Array = square.take(self.upper, axis=1)
+        return embedded
 
     def unfold(self, flat: Array) -> Floats:
         """The symmetric matrices [m, N, N] whose embedding ``flat`` is."""
@@ -208,8 +210,13 @@ class _ProjectorView(View):
         return _off(self._x, sums @ self._x), total
 
 
-def _t(x: Floats) -> Floats:
-    return np.swapaxes(x, -1, -2)
+def _t(x: Array) -> Array:
+    return x.swapaxes(-1, -2)
+
+
+@lru_cache(maxsize=16)
+def _identity(k: int) -> Floats:
+    return np.eye(k)
 
 
 def _off(x: Floats, v: Floats) -> Floats:
@@ -222,12 +229,12 @@ def _cos_sinc(gram: Floats) -> tuple[Floats, Floats]:
 
     Both series are cut into a low half and G^4 times a high half, which share the powers of G.
     """
-    largest = float(np.max(np.einsum("...ii->...", gram), initial=0.0))
+    largest = float(np.einsum("...ii->...", gram).max(initial=0.0))
     halvings = max(0, int(np.ceil(0.5 * np.log2(largest)))) if largest > 1.0 else 0
     if halvings:
         gram = gram / 4.0**halvings
     powers = np.empty((5, *gram.shape))
-    powers[0] = np.eye(gram.shape[-1])
+    powers[0] = _identity(gram.shape[-1])
     powers[1] = gram
     np.matmul(gram, gram, out=powers[2])
     np.matmul(powers[2], gram, out=powers[3])

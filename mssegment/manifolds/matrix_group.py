@@ -161,6 +161,8 @@ class _GroupCloud(Cloud):
     |log a|_F >= log(1 + |a - I|_F), so that pairs out of reach need no logarithm.
     """
 
+    selective = True
+
     def __init__(
         self, group: MatrixGroup, y: Floats, bandwidth: float, precise: bool, reach: float
     ) -> None:

@@ -144,14 +144,15 @@ class Front:
     """The trajectories that still move, packed: one row each.
 
     ``index`` [m] says which of all they are, ``x`` where they stand, ``origin`` where the last step
-    began, ``density`` and ``step`` the density and the mean shift vector there, ``stretch`` how
-    many times that vector was gone (0: not yet).
+    began, ``density``, ``step`` and ``step2`` the density there, the mean shift vector and its
+    square, ``stretch`` how many times that vector was gone (0: not yet).
     """
 
     index: Integers
     x: Floats
     origin: Floats
     step: Floats
+    step2: Floats
     density: Floats
     stretch: Floats
 
@@ -160,14 +161,15 @@ class Front:
         """All of the ``starts`` move."""
         n = len(starts)
         x = np.asarray(starts, dtype=np.float64)
-        return cls(np.arange(n), x, x, np.zeros_like(x), np.zeros(n), np.zeros(n))
+        return cls(np.arange(n), x, x, np.zeros_like(x), np.zeros(n), np.zeros(n), np.zeros(n))
 
     def keep(self, on: Mask) -> None:
         """Only those that go ``on`` stay."""
-        if on.all():
+        rows = on.nonzero()[0]
+        if len(rows) == len(on):
             return
-        self.index, self.density, self.stretch = self.index[on], self.density[on], self.stretch[on]
-        self.x, self.origin, self.step = self.x[on], self.origin[on], self.step[on]
+        for name in ("index", "x", "origin", "step", "step2", "density", "stretch"):
+            setattr(self, name, getattr(self, name).take(rows, axis=0))
 
     def go(
         self, manifold: Manifold, step: Floats, density: Floats, length: Floats, tolerance: float
@@ -177,35 +179,41 @@ class Front:
         A step that went too far is taken back, and the plain one gone instead: where the density
         fell; where the gradient is not exact, where the shift doubled. Returns which have arrived.
         """
-        last2 = _dot(self.step, self.step)
+        step2 = _dot(step, step)
         if manifold.exact_gradient:
-            worse = density < (1 - FALL) * self.density
+            back = density < (1 - FALL) * self.density
         else:
-            worse = _dot(step, step) > 4.0 * last2
-        back = worse & (self.stretch > 1)
-        stretch = self._stretches(last2, step, np.where(length < NEAR, MOST_STRETCH, RELAXED))
-        stretch[back] = 1.0
+            back = step2 > 4.0 * self.step2
+        back &= self.stretch > 1
+        stretch = self._stretches(step, np.where(length < NEAR, MOST_STRETCH, RELAXED))
+        arrived = stretch * length <= tolerance
+        origin = self.x
         if back.any():
-            step = np.where(_numbers(back, step), self.step, step)
-            density = np.where(back, self.density, density)
-            self.origin = np.where(_numbers(back, step), self.origin, self.x)
-        else:
-            self.origin = self.x
-        self.step, self.density, self.stretch = step, density, stretch
-        self.x = manifold.exp(self.origin, _scaled(stretch, step))
-        return np.asarray(~back & (stretch * length <= tolerance))
+            stretch[back], arrived[back] = 1.0, False
+            origin = origin.copy()
+            for new, old in (
+                (origin, self.origin),
+                (step, self.step),
+                (step2, self.step2),
+                (density, self.density),
+            ):
+                new[back] = old[back]
+        self.origin, self.step, self.step2, self.density = origin, step, step2, density
+        self.stretch = stretch
+        self.x = manifold.exp(origin, _scaled(stretch, step))
+        return np.asarray(arrived)
 
-    def _stretches(self, last2: Floats, step: Floats, most: Floats) -> Floats:
+    def _stretches(self, step: Floats, most: Floats) -> Floats:
         """How many times the shift ``step`` to go: 1 at first, then at ``most`` so often.
 
         Near a mode the shift is about -(I - J)(x - mode). From the last step s and the change -y of
         the shift that it made, s's / s'y estimates (I - J)^-1 along the way: the stretch that would
         arrive, and with it the distance that is left. Where the shift still grows it is doubled.
         """
-        bend = last2 - _dot(self.step, step)
-        stretch = np.where(bend > 0, self.stretch, np.maximum(2.0 * self.stretch, 1.0))
-        np.divide(stretch * last2, bend, out=stretch, where=bend > 0)
-        return np.clip(stretch, 1.0, most)
+        bend = self.step2 - _dot(self.step, step)
+        stretch = 2.0 * self.stretch
+        np.divide(self.stretch * self.step2, bend, out=stretch, where=bend > 0)
+        return np.minimum(np.maximum(stretch, 1.0), most)
 
 
 def ascend(

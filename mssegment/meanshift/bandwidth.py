@@ -33,16 +33,17 @@ def nearest_neighbour_bandwidth(
     neighbour = min(max(1, round(fraction * n)), n - 1)
     everything = manifold.cloud(points)
     cloud, nearest, closest = everything, [], np.inf
-    for start in range(0, len(sample), FIRST):
-        rows = sample[start : start + FIRST]
-        z = np.maximum(cloud.seen_from(rows).z, 0.0)
+    rows = min(FIRST, cloud.rows)
+    for start in range(0, len(sample), rows):
+        some = sample[start : start + rows]
+        z = np.maximum(cloud.seen_from(some).z, 0.0)
         found = np.partition(z, neighbour, axis=1)[:, neighbour]
         if not np.isfinite(found).all():
-            z = np.maximum(everything.seen_from(rows).z, 0.0)
+            z = np.maximum(everything.seen_from(some).z, 0.0)
             found = np.partition(z, neighbour, axis=1)[:, neighbour]
         nearest.append(found)
         closest = min(closest, np.min(z, initial=np.inf, where=z > _ROUNDING))
-        if start == 0 and np.isfinite(found).all() and found.max() > 0:
+        if cloud.selective and start == 0 and np.isfinite(found).all() and found.max() > 0:
             cloud = manifold.cloud(points, reach=1.5 * float(np.sqrt(found.max())))
     distances = np.sqrt(np.concatenate(nearest))
     finite = distances[np.isfinite(distances)]

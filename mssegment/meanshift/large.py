@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from mssegment.manifolds import Cloud
 from mssegment.meanshift.ascent import Ascent, Mask
 from mssegment.meanshift.search import ISOLATED, WAY_TOLERANCE, Found, Search
 from mssegment.records import Floats, Integers
@@ -60,18 +61,17 @@ def find_by_sample(
     labels = np.full(len(points), -1)
     labels[sample] = number[found.labels]
     rest = np.setdiff1d(np.arange(len(points)), sample, assume_unique=True)
+    clouds = search.cloud(points[sample]), search.cloud(points[wider])
     chunk = max(1000, int(memory_mb * 1e6 / (COPIES * points[0].nbytes)))
     for start in range(0, len(rest), chunk):
         some = rest[start : start + chunk]
-        labels[some], new, of_new = _climb_on_sample(
-            search, points[sample], points[wider], points[some], modes
-        )
+        labels[some], new, of_new = _climb_on_sample(search, *clouds, points[some], modes)
         modes, densities = np.concatenate([modes, new]), np.concatenate([densities, of_new])
     return _polish_large(search, points, Found(modes, densities, labels, found.way), memory_mb)
 
 
 def _climb_on_sample(
-    search: Search, sample: Floats, wider: Floats, starts: Floats, modes: Floats
+    search: Search, sample: Cloud, wider: Cloud, starts: Floats, modes: Floats
 ) -> tuple[Integers, Floats, Floats]:
     """The mode of each of ``starts``: an index into ``modes`` and the new ones, which follow.
 
@@ -81,7 +81,7 @@ def _climb_on_sample(
     adoption = _Adoption(search, modes, len(starts))
     way = search.climb(sample, starts, WAY_TOLERANCE, thin=adoption, own=True)
     labels = adoption.by
-    own_way = (labels < 0) & (way.density * len(sample) >= 1.0 + ISOLATED)
+    own_way = (labels < 0) & (way.density * sample.size >= 1.0 + ISOLATED)
     adoption(way, np.flatnonzero(own_way))
     ends = np.flatnonzero(own_way & (labels < 0))
     new, density, joined = search.merge(way.x[ends], way.density[ends], search.merge_within)

@@ -8,7 +8,7 @@ from functools import partial
 
 import numpy as np
 
-from mssegment.manifolds import Manifold
+from mssegment.manifolds import Cloud, Manifold
 from mssegment.meanshift.ascent import Ascent, Mask, Thin, ascend, follow
 from mssegment.meanshift.kernels import Kernel
 from mssegment.meanshift.modes import merge
@@ -50,21 +50,23 @@ class Search:
     record: bool = False
     pool: Executor | None = None
 
+    def cloud(self, points: Floats, precise: bool = False) -> Cloud:
+        """The ``points`` [n, ...] as what the density is made of."""
+        return self.manifold.cloud(points, self.bandwidth, precise, self.kernel.reach(precise))
+
     def climb(
         self,
-        points: Floats,
+        cloud: Cloud,
         starts: Floats,
         tolerance: float,
-        precise: bool = False,
         thin: Thin | None = None,
         record: bool = False,
         own: bool = False,
     ) -> Ascent:
-        """Move ``starts`` up the density of ``points``; with ``thin``, all but the stragglers."""
-        reach = self.kernel.reach(precise)
+        """Move ``starts`` up the density of ``cloud``; with ``thin``, all but the stragglers."""
         return ascend(
             self.manifold,
-            self.manifold.cloud(points, self.bandwidth, precise, reach),
+            cloud,
             self.kernel,
             starts,
             tolerance,
@@ -83,11 +85,11 @@ class Search:
 
     def polish(self, points: Floats, x: Floats) -> tuple[Floats, Floats, Integers]:
         """The modes ``x`` in double precision, their densities, and which one each became."""
-        polished = self.climb(points, x, MODE_TOLERANCE, precise=True)
+        polished = self.climb(self.cloud(points, precise=True), x, MODE_TOLERANCE)
         return self.merge(polished.x, polished.density, self.merge_within)
 
     def leave_saddles(
-        self, points: Floats, x: Floats, density: Floats, rng: np.random.Generator
+        self, cloud: Cloud, x: Floats, density: Floats, rng: np.random.Generator
     ) -> tuple[Integers, Floats]:
         """Which of the ends ``x`` may be saddles, and where perturbed copies of those have gone.
 
@@ -95,27 +97,23 @@ class Search:
         """
         push = PERTURBATION * self.bandwidth * self.manifold.random_tangent(x, rng)
         back = _ComeBack(self, x, density)
-        way = self.climb(points, self.manifold.exp(x, push), WAY_TOLERANCE, thin=back)
+        way = self.climb(cloud, self.manifold.exp(x, push), WAY_TOLERANCE, thin=back)
         away = np.flatnonzero(~back.returned)
         return away, way.x[away]
 
     def settle(
-        self, points: Floats, x: Floats, density: Floats, whole: Mask, rng: np.random.Generator
+        self, points: Floats, x: Floats, copies: Floats, of: Integers
     ) -> tuple[Floats, Floats, Integers]:
-        """As ``polish``, from the ends ``x`` of trajectories of which the ``whole`` had converged.
+        """As ``polish``, from the ends ``x`` and from ``copies`` that left some ``of`` them.
 
-        Some of those may be saddles. A saddle is an end whose perturbed copy goes elsewhere; it
-        gives way to where that arrives.
+        An end whose copy arrives elsewhere was a saddle: it gives way to that.
         """
-        stood = np.flatnonzero(whole)
-        away, copies = self.leave_saddles(points, x[stood], density[stood], rng)
         both = np.concatenate([x, copies])
-        polished = self.climb(points, both, MODE_TOLERANCE, precise=True)
-        left, place = np.arange(len(x)), len(x) + np.arange(len(away))
-        of = stood[away]
+        polished = self.climb(self.cloud(points, precise=True), both, MODE_TOLERANCE)
+        last, place = np.arange(len(x)), len(x) + np.arange(len(of))
         apart = self.manifold.dist(polished.x[of], polished.x[place]) > 0.5 * self.bandwidth
-        left[of[apart]] = place[apart]
-        return self.merge(polished.x[left], polished.density[left], self.merge_within)
+        last[of[apart]] = place[apart]
+        return self.merge(polished.x[last], polished.density[last], self.merge_within)
 
     def find(self, points: Floats, rng: np.random.Generator) -> Found:
         """All modes of the density of ``points`` that a trajectory from one of them reaches.
@@ -123,17 +121,17 @@ class Search:
         Isolated ends stay as they are (in single precision, within 0.01 bandwidths). The others
         are merged, freed of saddles and polished in double precision, and merged again.
         """
-        nearby = partial(follow, self.manifold, FOLLOW_WITHIN * self.bandwidth)
-        way = self.climb(points, points, WAY_TOLERANCE, thin=nearby, record=self.record)
+        within = FOLLOW_WITHIN * self.bandwidth
+        nearby, cloud = partial(follow, self.manifold, within), self.cloud(points)
+        way = self.climb(cloud, points, WAY_TOLERANCE, thin=nearby, record=self.record)
         ends, place = np.unique(way.last_leader(), return_inverse=True)
         lonely = (way.density[ends] * len(points) < 1.0 + ISOLATED) & way.converged[ends]
         alone, social = ends[lonely], ends[~lonely]
-        within = FOLLOW_WITHIN * self.bandwidth
         kept, first = merge(self.manifold, way.x[social], way.density[social], within)
         some = social[kept]
-        x, density, second = self.settle(
-            points, way.x[some], way.density[some], way.converged[some], rng
-        )
+        stood = np.flatnonzero(way.converged[some])
+        away, copies = self.leave_saddles(cloud, way.x[some[stood]], way.density[some[stood]], rng)
+        x, density, second = self.settle(points, way.x[some], copies, stood[away])
         mode_of_end = np.empty(len(ends), dtype=np.int64)
         mode_of_end[~lonely] = second[first]
         mode_of_end[lonely] = len(x) + np.arange(len(alone))
