@@ -35,8 +35,7 @@ VARIANTS: dict[str, tuple[Recipe, Sampling]] = {
     "parameters cost nothing": (replace(STANDARD, price=0.0), "local"),
     "parameters cost twice": (replace(STANDARD, price=2.0), "local"),
     "no moves after the start": (replace(STANDARD, moves=False), "local"),
-    "one scale instead of a ladder": (replace(STANDARD, ladder=1), "local"),
-    "candidates not refitted": (replace(STANDARD, stages=0), "local"),
+    "no differences between motions": (replace(STANDARD, differences=False), "local"),
     "uniform sampling": (STANDARD, "uniform"),
 }
 GROUPS = ("motion", "motion + 100 %", "plane")

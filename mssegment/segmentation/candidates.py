@@ -1,7 +1,7 @@
-"""Candidate motions: the modes at a ladder of scales, refitted; and what each saves on each track.
+"""Candidate motions: the modes fitted to their tracks, and what each saves on each track.
 
-A candidate is a motion with a scale. Every stage of its refitting is kept, because a candidate
-that grows alone ends by swallowing its neighbours: the early stages are often the better motions.
+A candidate is a motion with a scale. It is fitted only once, to what it explains at the least
+scale: a candidate that grows alone ends by swallowing its neighbours.
 """
 
 from __future__ import annotations
@@ -80,10 +80,6 @@ class Family:
     view: View
     noise: Noise
 
-    def candidates(self, points: Floats, scales: Floats, modes: Integers) -> Candidates:
-        """The motions ``points`` [B, ...] with their ``scales`` [B], as they are."""
-        return self._made(points, scales, self.residuals(points), modes)
-
     def residuals(self, points: Floats) -> Floats:
         """Residuals [B, P] in pixels, finite."""
         return np.nan_to_num(self.view.residuals(points), nan=UNSOUND, posinf=UNSOUND)
@@ -93,43 +89,23 @@ class Family:
         noise = replace(self.noise, parallax=np.zeros_like(self.noise.parallax))
         return replace(self, noise=noise)
 
-    def refit(
-        self, inliers: Floats, modes: Integers, stages: int, scales: Floats | None = None
-    ) -> list[Candidates]:
-        """Motions fitted to the ``inliers`` [B, P] (0 or 1), then to what they explain, and so on.
+    def fitted(self, inliers: Floats, modes: Integers) -> list[Candidates]:
+        """The motions fitted to the ``inliers`` [B, P] (0 or 1), one element or none.
 
-        One element per stage; unsound fits are left out. ``scales`` [B] weight the first fit.
+        Unsound fits are left out.
         """
-        made = []
-        weights = inliers
-        alive = np.arange(len(inliers))
-        for stage in range(stages + 1):
-            points, sound = self.view.fit(weights)
-            sound = sound & (inliers.sum(axis=1) > self.view.model.subset_size)
-            points, inliers, alive = points[sound], inliers[sound], alive[sound]
-            if not len(alive):
-                break
-            residuals = self.residuals(points)
-            scale = self.noise.scales(residuals, inliers)
-            made.append(self._made(points, scale, residuals, modes[alive]))
-            if stage == stages:
-                break
-            explained = self.explained(residuals, scale)
-            changed = (explained != inliers).any(axis=1) | (stage < 2)
-            alive, inliers = alive[changed], explained[changed]
-            if not len(alive):
-                break
-            weights = inliers * self.noise.weights(residuals[changed], scale[changed])
-        return made
+        points, sound = self.view.fit(inliers)
+        sound = sound & (inliers.sum(axis=1) > self.view.model.subset_size)
+        if not sound.any():
+            return []
+        points, inliers = points[sound], inliers[sound]
+        residuals = self.residuals(points)
+        return [self._made(points, self.noise.scales(residuals, inliers), residuals, modes[sound])]
 
     def explained(self, residuals: Floats, scales: Floats) -> Floats:
         """Where a motion saves more than half of what it would save on a perfect fit, [B, P]."""
         perfect = self.noise.gains(np.zeros((len(scales), 1)), scales)
         return np.asarray(self.noise.gains(residuals, scales) > perfect / 2, dtype=np.float64)
-
-    def fitted(self, inliers: Floats, modes: Integers) -> list[Candidates]:
-        """The motions fitted to the ``inliers`` [B, P] (0 or 1), one element or none."""
-        return self.refit(inliers, modes, 0)
 
     def _made(
         self, points: Floats, scales: Floats, residuals: Floats, modes: Integers
@@ -145,14 +121,15 @@ class Family:
         )
 
 
-def from_modes(
-    family: Family, points: Floats, modes: Integers, ladder: int, stages: int
-) -> list[Candidates]:
-    """The modes ``points`` [B, ...] at each scale of the ladder, with all stages of refitting."""
-    noise = family.noise
-    residuals = family.residuals(points)
-    made: list[Candidates] = []
-    for scale in noise.ladder(ladder):
-        inliers = family.explained(residuals, np.full(len(points), scale))
-        made += family.refit(inliers, modes, stages)
-    return made
+def from_modes(family: Family, points: Floats, modes: Integers) -> list[Candidates]:
+    """The modes ``points`` [B, ...] fitted to what they explain at the least scale of a motion.
+
+    Of modes that explain the same tracks the first is taken.
+    """
+    points = family.view.model.orientations(points)
+    modes = np.resize(modes, len(points))
+    least = np.full(len(points), family.noise.floor)
+    inliers = family.explained(family.residuals(points), least)
+    _, first = np.unique(np.packbits(inliers > 0, axis=1), axis=0, return_index=True)
+    kept = np.sort(first)
+    return family.fitted(inliers[kept], modes[kept])

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from mssegment.motions import Flags
 from mssegment.records import Floats, Integers
 from mssegment.segmentation.candidates import Candidates, Family
 from mssegment.segmentation.labelling import (
@@ -24,6 +25,10 @@ QUANTUM = 0.5 * float(np.log(12.0)) - 0.5
 """Nats that the best precision saves per parameter (Wallace and Freeman, 1987)."""
 CONFIRMED = 2
 """A motion needs so many times the tracks of an elemental subset: as many again confirm it."""
+LEAST_LENGTH = 1e-12
+"""Pixels; tracks in one place must not make a logarithm infinite."""
+FARTHEST = 1e4
+"""Pixels; a residual beyond is no longer told apart."""
 FORBIDDEN = 1e6
 """Nats; more than any description saves."""
 
@@ -36,10 +41,14 @@ class Description:
     cost and ``label_cost`` says whether labels cost anything (both for the ablation).
 
     Labels are coded by frequency where a misfit may be smooth, as parallax is: then coherent labels
-    are no evidence of two bodies. Where every model leaves parallax free they are coded by those of
-    the tracks ``nearest`` [P, k] to each, and bodies that lie apart are told apart more easily.
-    ``trust`` below 1 pools both predictions, with this weight on that of the neighbours:
-    surfaces lie apart or meet at an edge, where a slight bend must not pass for two planes.
+    are no evidence of two bodies. Else they are coded by those of the tracks ``nearest`` [P, k] to
+    each, and bodies that lie apart are told apart more easily. ``trust`` below 1 pools both
+    predictions, with this weight on that of the neighbours: walls meet at an edge, where a slight
+    bend must not pass for two planes.
+
+    With ``differences`` a motion may be stated by its difference from a larger one, so that bodies
+    that move almost alike are not taken for one. (Not where the parts of one wall move almost
+    alike.)
     """
 
     families: Sequence[Family]
@@ -50,6 +59,7 @@ class Description:
     label_cost: bool = True
     nearest: Integers | None = None
     trust: float = 1.0
+    differences: bool = False
 
     def labels(self, chosen: Candidates) -> Integers:
         """The labels [P] that the motions ``chosen`` give, 0 for outliers."""
@@ -87,22 +97,54 @@ class Description:
         return value - self._prices(chosen, labels)
 
     def _prices(self, chosen: Candidates, labels: Integers) -> float:
-        return sum(self._price(chosen, k, labels == k + 1) for k in range(len(chosen)))
+        won = labels == np.arange(1, len(chosen) + 1)[:, None]
+        count = won.sum(axis=1)
+        price = 0.0
+        for k in np.flatnonzero(count).tolist():
+            stated = self._price(chosen, k, won[k])
+            larger = [j for j in range(len(chosen)) if (count[j], -j) > (count[k], -k)]
+            if self.differences and larger:
+                stated = min(stated, self._difference(chosen, k, won[k], larger))
+            price += stated
+        return self.price * price
 
-    def _price(self, chosen: Candidates, k: int, inliers: Integers) -> float:
+    def _price(self, chosen: Candidates, k: int, inliers: Flags) -> float:
         """Nats to state motion ``k``: each parameter to the precision that its inliers give.
 
         As many parameters as the residual has dimensions shift the whole body, by up to the extent
         of the scene; the others change its shape and move its tracks by up to its own diameter.
         """
-        family, count = self.families[int(chosen.views[k])], int(inliers.sum())
+        family = self.families[int(chosen.views[k])]
         model, noise = family.view.model, family.noise
-        if not count:
-            return 0.0
         body = self.places[inliers]
         size = 2 * float(np.sqrt(((body - body.mean(axis=0)) ** 2).sum(axis=1).mean()))
-        precision = float(np.log(chosen.scales[k])) - 0.5 * float(np.log(count)) + QUANTUM
+        precision = _precision(float(chosen.scales[k]), int(inliers.sum()))
         shift = max(noise.extent - precision, 0.0)
-        shape = max(float(np.log(max(size, 1e-12))) - precision, 0.0)
+        shape = max(float(np.log(max(size, LEAST_LENGTH))) - precision, 0.0)
         shifts = min(noise.dimension, model.parameters)
-        return self.price * (shifts * shift + (model.parameters - shifts) * shape)
+        return shifts * shift + (model.parameters - shifts) * shape
+
+    def _difference(
+        self, chosen: Candidates, k: int, inliers: Flags, others: Sequence[int]
+    ) -> float:
+        """Nats to state motion ``k`` by its difference from one of ``others``.
+
+        Each parameter lies within the root mean square distance that both motions move the tracks
+        apart, on either side. This distance has no scale of its own (density 1 / distance).
+        """
+        family = self.families[int(chosen.views[k])]
+        own, scale = chosen.residuals[k][inliers], float(chosen.scales[k])
+        weights = family.noise.weights(own[None], np.array([scale]))[0]
+        foreign = np.minimum(chosen.residuals[list(others)][:, inliers], FARTHEST)
+        # the fit of k makes its residuals orthogonal to what a motion could add
+        square = float(((foreign**2 - own**2) @ weights).min()) / float(weights.sum())
+        distance = 0.5 * float(np.log(max(square, LEAST_LENGTH**2)))
+        precision = _precision(scale, len(own))
+        magnitude = float(np.log1p(max(family.noise.extent - precision, 0.0)))
+        deviation = max(distance - precision, 0.0) + float(np.log(2.0))
+        return family.view.model.parameters * deviation + magnitude + float(np.log(len(chosen) - 1))
+
+
+def _precision(scale: float, count: int) -> float:
+    """Log of the precision (pixels) to which ``count`` tracks of this scale give a parameter."""
+    return float(np.log(scale)) - 0.5 * float(np.log(count)) + QUANTUM

@@ -4,18 +4,16 @@ The modes of the hypotheses are candidates; what each saves on each track is its
 a uniform code (``likelihood``). A set of motions saves what its motions save on the tracks they
 win, less the price of their parameters and less the code of the labels: minus the logarithm of
 each label's frequency, so that splitting a body costs an amount *per track*, however dense the
-matches are. The search starts with the candidates that save most, one after the other, then
-changes the set (add, remove, exchange, merge, each followed by joint refitting) as long as the
-description gets shorter. At last the labels are settled once more, each coded with the labels of
-its neighbours. It is one mechanism for every motion model: a model adds its number of parameters,
-the dimension of its residual, its residual, its fit and the extent it leaves free.
+matches are. The search (``search``) starts with the candidates that save most and changes the set
+as long as the description gets shorter. At last the labels are settled once more, each coded with
+the labels of its neighbours. It is one mechanism for every motion model: a model adds its number of
+parameters, the dimension of its residual, its residual, its fit and the extent it leaves free.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from itertools import combinations
 
 import numpy as np
 
@@ -27,21 +25,14 @@ from mssegment.segmentation.description import Description
 from mssegment.segmentation.granularity import parallax_of, scale_range, suggest
 from mssegment.segmentation.labelling import NEIGHBOURS, neighbour_labels
 from mssegment.segmentation.likelihood import Noise, uniform_cost
-from mssegment.segmentation.refinement import refine, refit_once
+from mssegment.segmentation.refinement import refit_once
+from mssegment.segmentation.search import improve, refitted, start
 from mssegment.segmentation.selection import Choice, Chosen, Problem
 
 TRUST = 0.5
-"""How far the labels of surfaces are predicted by their neighbours', how far by frequency."""
-PROPOSALS = 6
-"""Candidates that are tried as an addition; each saves on other tracks than those before."""
-EXCHANGES = 3
-"""Candidates that are tried in the place of each motion."""
-MOST_MOVES = 30
-"""Bound on the changes of the set; each shortens the description."""
+"""How far the labels of walls are predicted by their neighbours', how far by frequency."""
 SETTLING = 5
 """Turns of neighbour labels and refits at the end."""
-IMPROVEMENT = 1e-3
-"""Nats below which a change is no improvement."""
 
 
 @dataclass(frozen=True)
@@ -50,16 +41,15 @@ class Recipe:
 
     ``price`` multiplies what stating the parameters costs; ``freedom`` the degrees of
     freedom of the residuals' distribution (infinite: Gaussian); ``moves`` whether the set is
-    changed after the start; ``neighbours`` whether labels are settled with their neighbours';
-    ``ladder`` and ``stages`` the scales and refits of the candidates.
+    changed and refitted after the start; ``neighbours`` whether labels are settled with their
+    neighbours'; ``differences`` whether a motion may be stated by its difference from another.
     """
 
     price: float = 1.0
     freedom: float = 2.5
-    ladder: int = 4
-    stages: int = 6
     moves: bool = True
     neighbours: bool = True
+    differences: bool = True
     label_cost: bool = True
 
 
@@ -89,10 +79,12 @@ def mdl(problem: Problem, recipe: Recipe = STANDARD) -> Choice:
 def shortest(problem: Problem, recipe: Recipe) -> tuple[Candidates, Description]:
     """The motions that save most, before the labels are settled."""
     families = make_families(problem, recipe)
-    pool = candidate_pool(problem, families, recipe)
+    pool = candidate_pool(problem, families)
     description = describe_tracks(problem, families, recipe)
     best = start(pool, description)
-    return (improve(best, pool, description) if recipe.moves else best), description
+    if not recipe.moves:
+        return refitted(best, description)[0], description
+    return improve(best, pool, description), description
 
 
 def with_granularity(problem: Problem, recipe: Recipe) -> tuple[Problem, list[str]]:
@@ -100,7 +92,7 @@ def with_granularity(problem: Problem, recipe: Recipe) -> tuple[Problem, list[st
     if problem.granularity != "auto":
         return problem, []
     surfaces = replace(problem, granularity="surface")
-    if not any(view.model.name == "homography" for view in problem.views):
+    if not has_walls(problem):
         return replace(problem, granularity="object"), [
             "granularity auto: object (only homographies can tell surfaces from objects)"
         ]
@@ -117,12 +109,18 @@ def with_granularity(problem: Problem, recipe: Recipe) -> tuple[Problem, list[st
     return replace(problem, granularity=suggestion), [note]
 
 
+def has_walls(problem: Problem) -> bool:
+    """Whether motions may be those of planes seen in perspective, parts of something larger."""
+    return any(view.model.name == "homography" for view in problem.views)
+
+
 def describe_tracks(problem: Problem, families: Sequence[Family], recipe: Recipe) -> Description:
     """The description that ``problem`` asks for."""
     given = problem.motions
     exact = all(family.noise.free > 0 for family in families)
     apart = exact or problem.granularity == "surface"
     nearest = nearest_neighbours(problem.points, NEIGHBOURS) if apart else None
+    walls = has_walls(problem)
     return Description(
         families,
         problem.points[:, 0],
@@ -131,7 +129,8 @@ def describe_tracks(problem: Problem, families: Sequence[Family], recipe: Recipe
         price=recipe.price,
         label_cost=recipe.label_cost,
         nearest=nearest,
-        trust=1.0 if exact else TRUST,
+        trust=TRUST if walls else 1.0,
+        differences=recipe.differences and apart and not walls,
     )
 
 
@@ -158,94 +157,15 @@ def make_families(problem: Problem, recipe: Recipe) -> list[Family]:
     return families
 
 
-def candidate_pool(problem: Problem, families: Sequence[Family], recipe: Recipe) -> Candidates:
-    """All candidates: every mode of every set, at every scale and stage of refitting."""
+def candidate_pool(problem: Problem, families: Sequence[Family]) -> Candidates:
+    """All candidates: every mode of every set."""
     parts: list[Candidates] = []
     for family in families:
         own = [i for i, mode in enumerate(problem.modes) if mode.set == family.index]
         if own:
             points = np.stack([problem.modes[i].point for i in own])
-            parts += from_modes(family, points, np.array(own), recipe.ladder, recipe.stages)
+            parts += from_modes(family, points, np.array(own))
     return join(parts) if parts else Candidates.none(len(problem.points))
-
-
-def start(pool: Candidates, description: Description) -> Candidates:
-    """Candidates one after the other, the one that saves most first, as long as one saves."""
-    chosen = pool.take([])
-    best = description.saved(chosen)
-    while True:
-        tried = [join([chosen, pool.take([k])]) for k in proposals(chosen, pool, EXCHANGES)]
-        values = [description.saved(one) for one in tried]
-        if not values or max(values) <= best + IMPROVEMENT:
-            return chosen
-        chosen, best = tried[int(np.argmax(values))], max(values)
-
-
-def improve(chosen: Candidates, pool: Candidates, description: Description) -> Candidates:
-    """Changes the set by the best move until no move shortens the description."""
-    best = -np.inf
-    for _ in range(MOST_MOVES):
-        sets = neighbouring_sets(chosen, pool, description)
-        done = refine(description, sets)
-        values = [description.saved(one) for one in done]
-        if max(values) <= best + IMPROVEMENT:
-            break
-        chosen, best = done[int(np.argmax(values))], max(values)
-    return chosen
-
-
-def neighbouring_sets(
-    chosen: Candidates, pool: Candidates, description: Description
-) -> list[Candidates]:
-    """The set itself, and all sets that one addition, removal, exchange or merger makes of it."""
-    labels = description.labels(chosen)
-    sets = [chosen]
-    for k in proposals(chosen, pool, PROPOSALS):
-        sets += additions(chosen, labels, pool.take([k]), description)
-    for j in range(len(chosen)):
-        rest = chosen.take([k for k in range(len(chosen)) if k != j])
-        sets.append(rest)
-        sets += [join([rest, pool.take([k])]) for k in proposals(rest, pool, EXCHANGES)]
-    for a, b in combinations(range(len(chosen)), 2):
-        both = ((labels == a + 1) | (labels == b + 1)).astype(np.float64)
-        rest = chosen.take([k for k in range(len(chosen)) if k not in (a, b)])
-        for family in description.families:
-            sets += [join([rest, one]) for one in family.fitted(both[None], chosen.modes[[a]])]
-    return sets
-
-
-def additions(
-    chosen: Candidates, labels: Integers, new: Candidates, description: Description
-) -> list[Candidates]:
-    """The set with ``new``: as it is, and with the motion that loses most fitted to what is left.
-
-    A motion fitted to two bodies is too wide to let one of them go by itself.
-    """
-    sets = [join([chosen, new])]
-    family = description.families[int(new.views[0])]
-    taken = family.explained(new.residuals, new.scales)[0] > 0
-    losses = np.bincount(labels[taken], minlength=len(chosen) + 1)[1:]
-    if losses.any():
-        j = int(losses.argmax())
-        left = ((labels == j + 1) & ~taken).astype(np.float64)
-        rest = chosen.take([k for k in range(len(chosen)) if k != j])
-        loser = description.families[int(chosen.views[j])]
-        sets += [join([rest, new, one]) for one in loser.fitted(left[None], chosen.modes[[j]])]
-    return sets
-
-
-def proposals(chosen: Candidates, pool: Candidates, count: int) -> list[int]:
-    """The ``count`` candidates that save most beside ``chosen``, each on other tracks."""
-    better = np.maximum(pool.gains - np.maximum(chosen.gains.max(axis=0, initial=0.0), 0.0), 0.0)
-    found: list[int] = []
-    for _ in range(min(count, len(pool))):
-        saves = better.sum(axis=1)
-        k = int(saves.argmax())
-        if saves[k] <= 0:
-            break
-        found.append(k)
-        better = better * (better[k] <= 0)
-    return found
 
 
 def settle(

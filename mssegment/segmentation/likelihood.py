@@ -85,11 +85,6 @@ class Noise:
             scales = np.clip(np.sqrt(weighted.sum(axis=1) / count), floor, cap)
         return scales
 
-    def ladder(self, steps: int) -> Floats:
-        """Scales at which a motion may collect its first inliers, pixels [steps]."""
-        parallax = float(np.sqrt(np.mean(self.parallax**2))) if len(self.parallax) else 0.0
-        return np.geomspace(self.floor, max(self.cap, PARALLAX_CAP * parallax), steps)
-
 
 def uniform_cost(points: Floats) -> float:
     """Nats per track [P, F, 2] when nothing predicts it but the extent of all tracks.
