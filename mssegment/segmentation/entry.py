@@ -109,10 +109,11 @@ def _find_modes(
         ).fit(view.hypotheses.points, rng=rng)
         bandwidths.append(shifted.bandwidth_)
         places.append(np.where(shifted.labels_ >= 0, shifted.labels_ + len(modes), -1))
+        points = _oriented(view, shifted.modes_, shifted.labels_)
         modes += [
             Mode(index, int(count), float(density), point)
             for point, density, count in zip(
-                shifted.modes_, shifted.densities_, shifted.counts_, strict=True
+                points, shifted.densities_, shifted.counts_, strict=True
             )
         ]
     order = sorted(range(len(modes)), key=lambda i: -modes[i].kde)
@@ -120,6 +121,19 @@ def _find_modes(
     rank[order] = np.arange(len(modes))
     assignments = tuple(rank[place].astype(np.int64) for place in places)
     return tuple(modes[i] for i in order), tuple(bandwidths), assignments
+
+
+def _oriented(view: View, modes: Floats, assignments: Integers) -> Floats:
+    """The modes [m, ...] as the motions that most of the hypotheses behind them stand for."""
+    choices = view.model.orientations(modes).reshape(-1, *modes.shape)
+    if len(choices) == 1:
+        return modes
+    places = []
+    for m in range(len(modes)):
+        members = view.hypotheses.points[assignments == m].reshape(-1, modes[m].size)
+        away = choices[:, m].reshape(len(choices), 1, -1) - members
+        places.append(int((away**2).sum(axis=(1, 2)).argmin()))
+    return np.asarray(choices[places, np.arange(len(modes))])
 
 
 def _segmentation(
