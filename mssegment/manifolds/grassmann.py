@@ -77,9 +77,10 @@ class Grassmann(Manifold):
             length = np.sqrt(_t(v) @ v)
             moved = x * np.cos(length) + v * (np.sin(length) / np.maximum(length, _TINY))
             return np.asarray(moved / np.sqrt(_t(moved) @ moved))
-        cosine, sinc = _cos_sinc(_t(v) @ v)
-        moved = x @ cosine + v @ sinc
-        return np.asarray(moved @ (1.5 * _identity(self.k) - 0.5 * (_t(moved) @ moved)))
+        cosine, sinc = _cos_sinc(_gram(v))
+        moved = x @ cosine
+        moved += v @ sinc
+        return np.asarray(moved @ (1.5 * _identity(self.k) - 0.5 * _gram(moved)))
 
     def log(self, x: Floats, y: Floats) -> Floats:
         """The geodesic logarithm, by the SVD of y'x; defined up to principal angles of pi/2."""
@@ -217,6 +218,11 @@ def _t(x: Array) -> Array:
 @lru_cache(maxsize=16)
 def _identity(k: int) -> Floats:
     return np.eye(k)
+
+
+def _gram(v: Floats) -> Floats:
+    """v'v; with a copy of the transpose, as a product: of small matrices half of one is slower."""
+    return np.asarray(_t(v).copy() @ v)
 
 
 def _off(x: Floats, v: Floats) -> Floats:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from mssegment.manifolds import Manifold
+from mssegment.manifolds import Array, Cloud, Manifold
 from mssegment.records import Floats
 
 FIRST = 32
@@ -36,11 +36,9 @@ def nearest_neighbour_bandwidth(
     rows = min(FIRST, cloud.rows)
     for start in range(0, len(sample), rows):
         some = sample[start : start + rows]
-        z = np.maximum(cloud.seen_from(some).z, 0.0)
-        found = np.partition(z, neighbour, axis=1)[:, neighbour]
+        found, z = _found(cloud, some, neighbour)
         if not np.isfinite(found).all():
-            z = np.maximum(everything.seen_from(some).z, 0.0)
-            found = np.partition(z, neighbour, axis=1)[:, neighbour]
+            found, z = _found(everything, some, neighbour)
         nearest.append(found)
         closest = min(closest, np.min(z, initial=np.inf, where=z > _ROUNDING))
         if cloud.selective and start == 0 and np.isfinite(found).all() and found.max() > 0:
@@ -51,6 +49,13 @@ def nearest_neighbour_bandwidth(
     if median <= np.sqrt(_ROUNDING):
         median = 0.5 * float(np.sqrt(closest)) if np.isfinite(closest) else 1.0
     return constant * median
+
+
+def _found(cloud: Cloud, rows: Floats, neighbour: int) -> tuple[Floats, Array]:
+    """The squared distance of each of the ``rows`` to its ``neighbour``, and all of them."""
+    z = cloud.seen_from(rows).z
+    z.partition(neighbour, axis=1)
+    return np.maximum(z[:, neighbour], 0.0), z
 
 
 _ROUNDING = 1e-13

@@ -14,7 +14,7 @@ from mssegment.meanshift.kernels import Kernel
 from mssegment.meanshift.modes import merge
 from mssegment.records import Floats, Integers
 
-FOLLOW_WITHIN = 0.1
+FOLLOW_WITHIN = 0.15
 """A trajectory this near (in bandwidths) to a denser one follows it."""
 STRAGGLERS = 50
 """When only one in so many still moves, the modes found so far join them on the last climb."""
