@@ -114,8 +114,8 @@ class HypothesizeSettings(Section, frozen=True):
     model: Annotated[
         Literal["auto", "affine", "homography", "translation", "factorization"],
         Meta(
-            description="The motion model; auto: of two views affine or homography, for each motion "
-            "the one that says it shorter, of more views factorization."
+            description="The motion model; auto: of two views affine or homography, for each "
+            "motion the one that says it shorter, of more views factorization."
         ),
     ] = "auto"
     rank: Annotated[

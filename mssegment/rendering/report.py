@@ -80,9 +80,10 @@ class Report:
         return np.flatnonzero(self.labels == label)
 
     def modes_of(self, label: int) -> list[Mode]:
-        """The modes from which a motion grew, strongest first."""
+        """The modes of a motion: those of the set it is a point of first, then strongest first."""
+        own = {motion.label: motion.set for motion in self.segmentation.motions}.get(label)
         modes = [mode for mode in self.segmentation.modes if mode.motion == label]
-        return sorted(modes, key=lambda mode: -mode.kde)
+        return sorted(modes, key=lambda mode: (mode.set != own, -mode.kde))
 
     def true_motion(self, label: int) -> int | None:
         """The true motion that a found one is matched with."""

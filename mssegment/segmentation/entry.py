@@ -161,7 +161,7 @@ def _segmentation(
         found.append(_motion(label, choice.motions[j], inliers, residuals[j][owner == j], views))
     everywhere = np.full((len(found), len(points)), np.nan)
     everywhere[:, judged] = residuals[order]
-    label_of_mode = _strongest_modes(modes, assignments, views, labels, found)
+    label_of_mode = _strongest_modes(modes, assignments, views, labels)
     named = tuple(
         Mode(m.set, m.hypotheses, m.kde, m.point, label_of_mode.get(i, 0))
         for i, m in enumerate(modes)
@@ -182,24 +182,23 @@ def _strongest_modes(
     assignments: Sequence[Integers],
     views: Sequence[View],
     labels: Integers,
-    motions: Sequence[Motion],
 ) -> dict[int, int]:
-    """The densest mode of each motion, mode -> label.
+    """The densest mode of each motion in each set of hypotheses, mode -> label.
 
     A mode belongs to a motion when most tracks of the elemental subsets that converge to it do. The
     candidate that a selection happened to refit may have been a weak neighbour of it.
     """
-    set_of = {motion.label: motion.set for motion in motions}
     owner: dict[int, int] = {}
+    told: set[tuple[int, int]] = set()
     for index, mode in enumerate(modes):
         subsets = views[mode.set].hypotheses.subsets[assignments[mode.set] == index]
         names, counts = np.unique(labels[subsets], return_counts=True)
         if not len(names):
             continue
         label = int(names[counts.argmax()])
-        of_this_set = label > 0 and set_of[label] == mode.set
-        if of_this_set and 2 * counts.max() > counts.sum() and label not in owner.values():
+        if label > 0 and 2 * counts.max() > counts.sum() and (mode.set, label) not in told:
             owner[index] = label
+            told.add((mode.set, label))
     return owner
 
 
