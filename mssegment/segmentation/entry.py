@@ -64,7 +64,18 @@ def segment_by_modes(
     judged = np.asarray((status == OUTLIER) & np.isfinite(points).all(axis=(1, 2)))
     views = tuple(_view(points[judged], s) for s in sets)
     modes, bandwidths, assignments = _find_modes(views, bandwidth, kernel, rng, threads)
-    choice = select(Problem(points[judged], views, modes, motions, min_motions, granularity, rng))
+    problem = Problem(
+        points[judged],
+        views,
+        modes,
+        motions,
+        min_motions,
+        granularity,
+        rng,
+        assignments,
+        np.flatnonzero(judged),
+    )
+    choice = select(problem)
     return _segmentation(points, status, judged, views, modes, bandwidths, assignments, choice)
 
 

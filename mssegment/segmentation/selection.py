@@ -14,7 +14,7 @@ from typing import Literal
 import numpy as np
 
 from mssegment.motions import Flags, MotionModel
-from mssegment.records import Floats, HypothesisSet, Mode
+from mssegment.records import Floats, HypothesisSet, Integers, Mode
 
 Granularity = Literal["object", "surface", "auto"]
 
@@ -42,7 +42,9 @@ class Problem:
 
     ``points`` [P, F, 2] are the complete, eligible tracks in pixels; ``views`` belong to the sets;
     ``modes`` are strongest first and name their set. ``motions`` is the number of motions, None
-    where it must be found, then at least ``min_motions``.
+    where it must be found, then at least ``min_motions``. ``assignments`` holds, per set, the mode
+    of each hypothesis (-1: none); ``tracks`` [P] are the numbers that the elemental subsets of the
+    hypotheses use for the tracks.
     """
 
     points: Floats
@@ -52,6 +54,8 @@ class Problem:
     min_motions: int
     granularity: Granularity
     rng: np.random.Generator
+    assignments: tuple[Integers, ...]
+    tracks: Integers
 
 
 @dataclass(frozen=True)
