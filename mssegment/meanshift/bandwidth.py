@@ -40,7 +40,7 @@ def nearest_neighbour_bandwidth(
         if not np.isfinite(found).all():
             found, z = _found(everything, some, neighbour)
         nearest.append(found)
-        closest = min(closest, np.min(z, initial=np.inf, where=z > _ROUNDING))
+        closest = min(closest, float(z.min(initial=np.inf, where=z > _ROUNDING)))
         if cloud.selective and start == 0 and np.isfinite(found).all() and found.max() > 0:
             cloud = manifold.cloud(points, reach=1.5 * float(np.sqrt(found.max())))
     distances = np.sqrt(np.concatenate(nearest))
