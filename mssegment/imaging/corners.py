@@ -23,6 +23,10 @@ LIMIT_TWO_VIEWS = 1500
 LIMIT_SEQUENCE = 1000
 DISTANCE_SEQUENCE = 5.0
 LIMIT_FALLS_WITH_SCALE = 1.2
+FEW_FRAMES = 8
+"""Sequences of more frames have their corners spread over the picture."""
+PER_CELL = 8
+"""Corners spread: cells of a size that so many corners a cell make the limit."""
 NO_TEXTURE = 1e-3
 """A Harris response (grey levels to the fourth, per pixel) that only rounding errors produce."""
 
@@ -34,16 +38,19 @@ def detect(
     limit: int = LIMIT_TWO_VIEWS,
     distance: float = 0.0,
     quality: float = QUALITY,
+    even: bool = False,
 ) -> Corners:
     """Corners of one picture, level by level, the strongest first within a level.
 
     ``levels`` is the number of pyramid levels, a factor sqrt(2) apart: 4 by default, and as many
     more as a large picture is larger than 640x480 (its ``size_unit``). A level keeps at most
     ``limit`` corners, levels coarser than that unit ``limit`` / s^1.2 where s is by how much; no
-    two are closer than ``distance`` pixels of the level; each is a maximum of the Harris response
-    (k = 0.04; Harris and Stephens 1988) over 5x5 pixels that exceeds ``quality`` times the
-    greatest of the level. Positions are in pixels of the picture, pixel centres at whole numbers,
-    refined by a parabola through the response. A picture without texture gives no corners.
+    two are closer than ``distance`` pixels of the level. With ``even`` these are the strongest of
+    every cell of a grid, in turn, so that a plain car beside a tree has corners too. Each is a
+    maximum of the Harris response (k = 0.04; Harris and Stephens 1988) over 5x5 pixels that exceeds
+    ``quality`` times the greatest of the level. Positions are in pixels of the picture, pixel
+    centres at whole numbers, refined by a parabola through the response. A picture without texture
+    gives no corners.
     """
     unit = size_unit(grey)
     if levels is None:
@@ -54,6 +61,7 @@ def detect(
             max(1, int(limit / max(1.0, level.scale / unit) ** LIMIT_FALLS_WITH_SCALE)),
             distance,
             quality,
+            even,
         )
         for level in build_pyramid(grey, levels)
     ]
@@ -76,8 +84,8 @@ def detect_all(
     """The corners of each frame, with the defaults that suit their number.
 
     Two views: a pyramid, 1500 corners on the finest level. More: one level, 1000 corners
-    at least 5 pixels apart. Raises ``DataError`` that names the frame (``frames`` has the paths)
-    where there are no corners.
+    at least 5 pixels apart, and from 9 frames on the best of each part of the picture. Raises
+    ``DataError`` that names the frame (``frames`` has the paths) where there are no corners.
     """
     pair = len(pictures) == 2
     found: list[Corners] = []
@@ -88,6 +96,7 @@ def detect_all(
             limit=limit if limit is not None else (LIMIT_TWO_VIEWS if pair else LIMIT_SEQUENCE),
             distance=distance if distance is not None else (0.0 if pair else DISTANCE_SEQUENCE),
             quality=quality,
+            even=len(pictures) > FEW_FRAMES,
         )
         if len(corners.points) == 0:
             name = frames[number].path if frames else f"frame {number + 1}"
@@ -111,7 +120,9 @@ def harris(grey: Grey) -> npt.NDArray[np.float32]:
     return np.asarray(xx * yy - xy * xy - np.float32(HARRIS_K) * trace * trace)
 
 
-def _detect_on_level(level: Level, limit: int, distance: float, quality: float) -> Corners:
+def _detect_on_level(
+    level: Level, limit: int, distance: float, quality: float, even: bool
+) -> Corners:
     response = harris(level.grey)
     reach = MAXIMA_WINDOW // 2
     window = np.ones((MAXIMA_WINDOW, MAXIMA_WINDOW), np.uint8)
@@ -123,7 +134,12 @@ def _detect_on_level(level: Level, limit: int, distance: float, quality: float) 
     strength = response[rows, columns]
     order = np.argsort(-strength, kind="stable")
     if distance > 0:
-        order = order[spread(np.column_stack([columns, rows])[order], distance, limit)]
+        kept = spread(np.column_stack([columns, rows])[order], distance, None if even else limit)
+        order = order[kept]
+    if even:
+        side = np.sqrt(response.size * PER_CELL / limit)
+        cells = (rows[order] // side).astype(np.int64) * response.shape[1] + columns[order] // side
+        order = order[np.argsort(_turns(cells), kind="stable")]
     order = order[:limit]
     rows, columns = rows[order], columns[order]
     points = np.column_stack([columns, rows]) + _refine(response, rows, columns)
@@ -132,6 +148,16 @@ def _detect_on_level(level: Level, limit: int, distance: float, quality: float) 
         responses=strength[order].astype(np.float64),
         scales=np.full(len(order), level.scale),
     )
+
+
+def _turns(cells: npt.NDArray[np.floating]) -> npt.NDArray[np.intp]:
+    """How many before each of [n] are of the same cell."""
+    by_cell = np.argsort(cells, kind="stable")
+    ordered = cells[by_cell]
+    starts = np.searchsorted(ordered, ordered)
+    turns = np.empty(len(cells), dtype=np.intp)
+    turns[by_cell] = np.arange(len(cells)) - starts
+    return turns
 
 
 def _refine(

@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.spatial import cKDTree
 
-from mssegment.imaging.corners import spread
+from mssegment.imaging.corners import FEW_FRAMES, spread
 from mssegment.imaging.matching.light import Light, first_light, flash, light_between
 from mssegment.imaging.pictures import Grey
 from mssegment.records import Corners, Floats, Tracks
@@ -21,9 +21,9 @@ WINDOW = 15
 LEVELS = 3
 RETURN_ERROR = 0.5
 DISTANCE = 5.0
-WHOLE_UP_TO = 8
-"""Sequences of at most this many frames are expected to be seen whole."""
-SHORTEST = 5
+SHORTEST = 3
+"""What crosses the picture in a few frames is lost among longer tracks only; two frames say nothing
+that a third confirms."""
 
 
 def match(
@@ -44,12 +44,12 @@ def match(
     where it comes closer than half of ``distance`` to an older one. With ``renew`` the corners of
     later frames start new tracks wherever none is within ``distance`` pixels. Tracks seen in fewer
     than ``min_length`` frames are dropped. By default up to 8 frames give whole tracks only (from
-    the first frame to the last), longer sequences renew and keep what lasts 5 frames.
+    the first frame to the last), longer sequences renew and keep what lasts 3 frames.
 
     Returns tracks [P, F, 2] in pixels, NaN where not seen, in the order in which they begin.
     """
     count = len(pictures)
-    whole = count <= WHOLE_UP_TO
+    whole = count <= FEW_FRAMES
     renew = not whole if renew is None else renew
     shortest = min_length if min_length is not None else (count if whole else SHORTEST)
     history = _start(corners[0].points, count, 0)

@@ -31,7 +31,8 @@ from mssegment.segmentation.consensus.outliers import (
 MOST_MOTIONS = 8
 """The most motions that are looked for where nobody says how many there are."""
 SMALLEST, SMALLEST_SHARE = 8, 0.02
-"""A group with fewer tracks than both is a clique of outliers, no motion."""
+"""A group of complete tracks with fewer than both is a clique of outliers, no motion. Incomplete
+tracks need the first only: what crosses the picture quickly leaves few."""
 
 
 @dataclass(frozen=True)
@@ -127,7 +128,7 @@ def _group_complete(
         agreements = {name: np.asarray(kind.mean[block], float) for name, kind in kinds.items()}
         return Bodies(points[chosen], agreements, most, rng)
 
-    complete, labels = _without_cliques(complete, bodies, bounds)
+    complete, labels = _without_cliques(complete, bodies, bounds, SMALLEST_SHARE)
     partial = np.setdiff1d(tracks, np.flatnonzero(np.isfinite(points).all(axis=(1, 2))))
     joined = _join(kinds["flat"], partial, complete, labels)
     return np.concatenate([complete, partial]), np.concatenate([labels, joined])
@@ -150,18 +151,21 @@ def _group_incomplete(
         }
         return Cuts(points[chosen], own, bounds[1], rng)
 
-    return _without_cliques(tracks, cuts, bounds)
+    return _without_cliques(tracks, cuts, bounds, 0.0)
 
 
 def _without_cliques(
-    tracks: Integers, partitions: Callable[[Integers], Bodies | Cuts], bounds: tuple[int, int]
+    tracks: Integers,
+    partitions: Callable[[Integers], Bodies | Cuts],
+    bounds: tuple[int, int],
+    share: float,
 ) -> tuple[Integers, Integers]:
     """Groups of the tracks, labels 1..m; cliques of outliers are taken out and it starts again."""
     while True:
         found = partitions(tracks)
         labels = found.best(found.count(*bounds))
         sizes = np.bincount(labels)[labels]
-        small = sizes < max(SMALLEST, SMALLEST_SHARE * len(tracks))
+        small = sizes < max(SMALLEST, share * len(tracks))
         # what is left must still be able to hold the motions
         if not small.any() or (~small).sum() < SMALLEST * bounds[0]:
             return tracks, labels + 1
