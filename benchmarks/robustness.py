@@ -1,4 +1,4 @@
-"""How far the figures hold on changed scenes: ``python -m benchmarks.robustness FOLDER [--seeds 2]``.
+"""How far the figures hold on changed scenes: ``python -m benchmarks.robustness FOLDER``.
 
 Each disturbance changes the labelled matches of AdelaideRMF below FOLDER as another photographer
 might have: every body seen with a perspective of its own, half of the matches, more noise,
