@@ -1,7 +1,7 @@
-"""Candidate motions: the modes fitted to their tracks, and what each saves on each track.
+"""Candidate motions: the modes at two scales, refitted; and what each saves on each track.
 
-A candidate is a motion with a scale. It is fitted only once, to what it explains at the least
-scale: a candidate that grows alone ends by swallowing its neighbours.
+A candidate is a motion with a scale. Every stage of its refitting is kept, because a candidate
+that grows alone ends by swallowing its neighbours: the early stages are often the better motions.
 """
 
 from __future__ import annotations
@@ -17,6 +17,8 @@ from mssegment.segmentation.selection import View
 
 UNSOUND = 1e6
 """Pixels; stands for an infinite residual."""
+STAGES = 7
+"""Fits of a mode, each to what the one before explains."""
 
 
 @dataclass(frozen=True)
@@ -82,7 +84,7 @@ class Family:
 
     def residuals(self, points: Floats) -> Floats:
         """Residuals [B, P] in pixels, finite."""
-        return np.nan_to_num(self.view.residuals(points), nan=UNSOUND, posinf=UNSOUND)
+        return np.fmin(self.view.residuals(points), UNSOUND)
 
     def measured(self) -> Family:
         """The same without parallax as noise: scales as small as measurements can have."""
@@ -94,7 +96,28 @@ class Family:
 
         Unsound fits are left out.
         """
-        points, sound = self.view.fit(inliers)
+        return self._fitted(inliers, inliers, modes)
+
+    def grown(self, inliers: Floats, modes: Integers, seen: set[bytes]) -> list[Candidates]:
+        """Motions fitted to the ``inliers`` [B, P] (0 or 1), then to what they explain, and so on.
+
+        One element per stage. Inliers that are in ``seen`` already are not fitted again.
+        """
+        made: list[Candidates] = []
+        weights = inliers
+        for _ in range(STAGES):
+            new = _unseen(inliers, seen)
+            found = self._fitted(inliers[new], weights[new], modes[new])
+            if not found:
+                break
+            made += found
+            residuals, scales, modes = found[0].residuals, found[0].scales, found[0].modes
+            inliers = self.explained(residuals, scales)
+            weights = inliers * self.noise.weights(residuals, scales)
+        return made
+
+    def _fitted(self, inliers: Floats, weights: Floats, modes: Integers) -> list[Candidates]:
+        points, sound = self.view.fit(weights)
         sound = sound & (inliers.sum(axis=1) > self.view.model.subset_size)
         if not sound.any():
             return []
@@ -104,8 +127,7 @@ class Family:
 
     def explained(self, residuals: Floats, scales: Floats) -> Floats:
         """Where a motion saves more than half of what it would save on a perfect fit, [B, P]."""
-        perfect = self.noise.gains(np.zeros((len(scales), 1)), scales)
-        return np.asarray(self.noise.gains(residuals, scales) > perfect / 2, dtype=np.float64)
+        return np.asarray(residuals < self.noise.half_gain(scales)[:, None], dtype=np.float64)
 
     def _made(
         self, points: Floats, scales: Floats, residuals: Floats, modes: Integers
@@ -122,14 +144,24 @@ class Family:
 
 
 def from_modes(family: Family, points: Floats, modes: Integers) -> list[Candidates]:
-    """The modes ``points`` [B, ...] fitted to what they explain at the least scale of a motion.
-
-    Of modes that explain the same tracks the first is taken.
-    """
+    """The modes ``points`` [B, ...] grown from what they explain, at two scales."""
     points = family.view.model.orientations(points)
     modes = np.resize(modes, len(points))
-    least = np.full(len(points), family.noise.floor)
-    inliers = family.explained(family.residuals(points), least)
-    _, first = np.unique(np.packbits(inliers > 0, axis=1), axis=0, return_index=True)
-    kept = np.sort(first)
-    return family.fitted(inliers[kept], modes[kept])
+    residuals = family.residuals(points)
+    made: list[Candidates] = []
+    seen: set[bytes] = set()
+    for scale in family.noise.first_scales():
+        inliers = family.explained(residuals, np.full(len(points), scale))
+        made += family.grown(inliers, modes, seen)
+    return made
+
+
+def _unseen(inliers: Floats, seen: set[bytes]) -> list[int]:
+    """Rows of ``inliers`` [B, P] that are not in ``seen``, which then has them."""
+    new = []
+    for index, row in enumerate(np.packbits(inliers > 0, axis=1)):
+        key = row.tobytes()
+        if key not in seen:
+            seen.add(key)
+            new.append(index)
+    return new

@@ -23,7 +23,7 @@ from mssegment.segmentation.candidates import Candidates, Family, from_modes, jo
 from mssegment.segmentation.continuity import join_faces
 from mssegment.segmentation.description import Description
 from mssegment.segmentation.granularity import parallax_of, scale_range, suggest
-from mssegment.segmentation.labelling import NEIGHBOURS, neighbour_labels
+from mssegment.segmentation.labelling import NEIGHBOURS, Neighbourhood, neighbour_labels
 from mssegment.segmentation.likelihood import Noise, uniform_cost
 from mssegment.segmentation.refinement import refit_once
 from mssegment.segmentation.search import improve, refitted, start
@@ -179,12 +179,12 @@ def settle(
     if not neighbours:
         return description.labels(chosen), chosen
     families = [family.measured() for family in description.families]
-    space = neighbour_space(problem.points)
+    neighbourhood = Neighbourhood(neighbour_space(problem.points))
     for _ in range(SETTLING):
-        labels = neighbour_labels(chosen.gains, space)
+        labels = neighbour_labels(chosen.gains, neighbourhood)
         inliers = labels == np.arange(1, len(chosen) + 1)[:, None]
         chosen = refit_once(families, chosen, inliers.astype(np.float64))
-    return neighbour_labels(chosen.gains, space), chosen
+    return neighbour_labels(chosen.gains, neighbourhood), chosen
 
 
 def models_chosen(problem: Problem, found: Sequence[Chosen]) -> str:

@@ -20,10 +20,45 @@ SMOOTHING = 4
 """Turns of it inside the search."""
 NEIGHBOURS = 8
 """Nearest assigned tracks that predict a label."""
+WIDER = 3
+"""Times as many tracks are looked at, because some are assigned to no motion."""
 PRIOR = 0.5
 """Count that each label has before anything is seen (Krichevsky and Trofimov)."""
 STRAY = 0.1
 """The same inside the search for motions that leave parallax free: their bodies are coherent."""
+
+
+class Neighbourhood:
+    """The tracks near each track in ``space`` [P, d], whichever of them count."""
+
+    def __init__(self, space: Floats) -> None:
+        self._space = space
+        size = min(WIDER * NEIGHBOURS, len(space))
+        near = KDTree(space).query(space, k=max(size, 1))[1].reshape(len(space), -1)
+        self._around = np.asarray(near, dtype=np.int64)
+        self._itself = self._around == np.arange(len(space))[:, None]
+
+    def of(self, assigned: Flags) -> Integers:
+        """The NEIGHBOURS assigned tracks nearest to each track, itself left out, nearest first.
+
+        [P, k], with k smaller where fewer are assigned.
+        """
+        count = min(NEIGHBOURS, int(assigned.sum()) - 1)
+        if count < 1:
+            return np.zeros((len(assigned), 0), dtype=np.int64)
+        useful = assigned[self._around] & ~self._itself
+        first = np.argsort(~useful, axis=1, kind="stable")[:, :count]
+        found = np.take_along_axis(self._around, first, axis=1)
+        # where too few of those around are assigned, a tree of the assigned ones finds the others
+        short = np.flatnonzero(useful.sum(axis=1) < count)
+        if len(short):
+            others = np.flatnonzero(assigned)
+            place = KDTree(self._space[others]).query(self._space[short], k=count + 1)[1]
+            near = others[place]
+            itself = near == short[:, None]
+            itself[~itself.any(axis=1), -1] = True
+            found[short] = near[~itself].reshape(len(short), count)
+        return found
 
 
 def frequency_labels(
@@ -96,8 +131,8 @@ def smooth_labels(gains: Floats, nearest: Integers, labels: Integers) -> Integer
     return labels
 
 
-def neighbour_labels(gains: Floats, space: Floats) -> Integers:
-    """The labels [P] when each is predicted by its neighbours in ``space`` [P, d].
+def neighbour_labels(gains: Floats, neighbourhood: Neighbourhood) -> Integers:
+    """The labels [P] when each is predicted by its neighbours.
 
     Outlier or not is coded by frequency; which motion, by the NEIGHBOURS nearest tracks that
     belong to any.
@@ -111,7 +146,7 @@ def neighbour_labels(gains: Floats, space: Floats) -> Integers:
     for _ in range(TURNS):
         assigned = labels > 0
         if before is None or (assigned != before).any():
-            before, known = assigned, _nearest_assigned(space, assigned, NEIGHBOURS)
+            before, known = assigned, neighbourhood.of(assigned)
         price = np.empty_like(table)
         count = np.array([(~assigned).sum(), assigned.sum()])
         price[0], price[1:] = _log_share(count)[:, None]
@@ -130,19 +165,3 @@ def _with_outlier(gains: Floats) -> Floats:
 
 def _log_share(count: Integers) -> Floats:
     return np.asarray(np.log((count + PRIOR) / (count.sum() + PRIOR * len(count))))
-
-
-def _nearest_assigned(space: Floats, assigned: Flags, count: int) -> Integers:
-    """The ``count`` assigned tracks nearest to each track, itself left out, [P, count].
-
-    Fewer where fewer are assigned. A tree of them costs P log P, and no array of all pairs.
-    """
-    others = np.flatnonzero(assigned)
-    count = min(count, len(others) - 1)
-    if count < 1:
-        return np.zeros((len(space), 0), dtype=np.int64)
-    _, place = KDTree(space[others]).query(space, k=count + 1)
-    found = others[place]
-    itself = found == np.arange(len(space))[:, None]
-    itself[~itself.any(axis=1), -1] = True
-    return np.asarray(found[~itself].reshape(len(space), count), dtype=np.int64)

@@ -47,13 +47,30 @@ class Noise:
     def gains(self, residuals: Floats, scales: Floats) -> Floats:
         """Nats that each motion saves on each track, [B, P]; negative where it explains nothing."""
         nu, c = self.freedom, self.dimension
-        square = self.terms * residuals**2 / scales[:, None] ** 2
+        spread = residuals**2
         if np.isinf(nu):
-            spread = c / 2 * np.log(2 * np.pi) + square / 2
+            spread *= self.terms / (2.0 * scales[:, None] ** 2)
+        else:
+            spread *= self.terms / (nu * scales[:, None] ** 2)
+            spread += 1.0  # log is several times as fast as log1p, and this needs no more digits
+            np.log(spread, out=spread)
+            spread *= (nu + c) / 2
+        return np.asarray(self.perfect(scales)[:, None] - spread)
+
+    def perfect(self, scales: Floats) -> Floats:
+        """Nats that motions of these ``scales`` [B] save on a track that they fit exactly, [B]."""
+        nu, c = self.freedom, self.dimension
+        if np.isinf(nu):
+            normaliser = c / 2 * np.log(2 * np.pi)
         else:
             normaliser = gammaln(nu / 2) - gammaln((nu + c) / 2) + c / 2 * np.log(nu * np.pi)
-            spread = normaliser + (nu + c) / 2 * np.log1p(square / nu)
-        return np.asarray(self.outlier - self.free - c * np.log(scales)[:, None] - spread)
+        return np.asarray(self.outlier - self.free - c * np.log(scales) - normaliser)
+
+    def half_gain(self, scales: Floats) -> Floats:
+        """The residual (pixels) at which half of what a perfect fit saves is saved, [B]."""
+        nu, best = self.freedom, self.perfect(scales)
+        square = best if np.isinf(nu) else nu * np.expm1(best / (nu + self.dimension))
+        return np.asarray(scales * np.sqrt(np.maximum(square, 0.0) / self.terms))
 
     @property
     def extent(self) -> float:
@@ -73,17 +90,31 @@ class Noise:
 
     def scales(self, residuals: Floats, inliers: Floats, start: Floats | None = None) -> Floats:
         """Most likely scale of each motion [B], given its inliers [B, P] (0 or 1)."""
-        count = np.maximum(inliers.sum(axis=1), 1.0) * self.dimension
-        square = np.where(inliers > 0, self.terms * residuals**2, 0.0)
-        rms = np.sqrt(square.sum(axis=1) / count)
-        parallax = np.sqrt((inliers > 0) @ self.parallax**2 / np.maximum(inliers.sum(axis=1), 1.0))
+        tracks = np.maximum(inliers.sum(axis=1), 1.0)
+        square = self.terms * inliers * residuals**2
+        parallax = np.sqrt(inliers @ self.parallax**2 / tracks)
         floor = np.maximum(self.floor, parallax)
         cap = np.maximum(self.cap, PARALLAX_CAP * parallax)
-        scales = np.clip(rms if start is None else start, floor, cap)
+        count = tracks * self.dimension
+        if start is None or np.isinf(self.freedom):
+            start = np.sqrt(square.sum(axis=1) / count)
+        scales = np.clip(start, floor, cap)
+        if np.isinf(self.freedom):
+            return scales
+        nu = self.freedom
         for _ in range(SCALE_ROUNDS):
-            weighted = np.where(inliers > 0, self.weights(residuals, scales), 0.0) * square
-            scales = np.clip(np.sqrt(weighted.sum(axis=1) / count), floor, cap)
+            weighted = square / (square + (nu * scales**2)[:, None])
+            mean = weighted.sum(axis=1) * (nu + self.dimension) * scales**2 / count
+            scales = np.clip(np.sqrt(mean), floor, cap)
         return scales
+
+    def first_scales(self) -> Floats:
+        """Scales at which a motion may collect its first inliers, pixels [2].
+
+        The least one, and one two thirds of the way (of logarithms) to the largest.
+        """
+        parallax = float(np.sqrt(np.mean(self.parallax**2))) if len(self.parallax) else 0.0
+        return np.geomspace(self.floor, max(self.cap, PARALLAX_CAP * parallax), 4)[::2]
 
 
 def uniform_cost(points: Floats) -> float:

@@ -97,13 +97,15 @@ def addition(
 
 def proposals(chosen: Candidates, pool: Candidates, count: int) -> list[int]:
     """The ``count`` candidates that save most beside ``chosen``, each on other tracks."""
-    better = np.maximum(pool.gains - np.maximum(chosen.gains.max(axis=0, initial=0.0), 0.0), 0.0)
+    better = pool.gains - np.maximum(chosen.gains.max(axis=0, initial=0.0), 0.0)
+    np.maximum(better, 0.0, out=better)
+    open_tracks = np.ones(better.shape[1])
     found: list[int] = []
     for _ in range(min(count, len(pool))):
-        saves = better.sum(axis=1)
+        saves = better @ open_tracks
         k = int(saves.argmax())
         if saves[k] <= 0:
             break
         found.append(k)
-        better = better * (better[k] <= 0)
+        open_tracks[better[k] > 0] = 0.0
     return found
