@@ -12,6 +12,7 @@ from __future__ import annotations
 from itertools import combinations
 
 import numpy as np
+from scipy.spatial import KDTree
 
 from mssegment.records import Floats, Integers
 from mssegment.segmentation.candidates import Candidates, join
@@ -104,14 +105,11 @@ def _transferred(problem: Problem, chosen: Candidates, k: int, places: Floats) -
 
 
 def _neighbours(places: Floats) -> Integers:
-    """The nearest other places of each place [n, 2], [n, k]; blocks bound the memory."""
-    k = min(NEIGHBOURS, len(places) - 1)
-    found = np.empty((len(places), k), dtype=np.int64)
-    for start in range(0, len(places), 512):
-        far = ((places[start : start + 512, None] - places) ** 2).sum(axis=-1)
-        far[np.arange(len(far)), np.arange(start, start + len(far))] = np.inf
-        found[start : start + 512] = np.argpartition(far, k - 1, axis=1)[:, :k]
-    return found
+    """The nearest other places of each place [n, 2], [n, k]."""
+    _, found = KDTree(places).query(places, k=min(NEIGHBOURS, len(places) - 1) + 1)
+    itself = found == np.arange(len(places))[:, None]
+    itself[~itself.any(axis=1), -1] = True
+    return np.asarray(found[~itself].reshape(len(places), -1), dtype=np.int64)
 
 
 def _saving_most(tried: Candidates, tracks: Floats) -> Candidates:
