@@ -4,14 +4,17 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from moving_bodies import rigid_bodies
 
 from mssegment.evaluation import misclassification
 from mssegment.records import OUTLIER
 from mssegment.segmentation import cluster
 from mssegment.segmentation.clouds import draw_long_sets
+from mssegment.segmentation.clouds.likelihood import Likelihood, membership
+from mssegment.segmentation.clouds.search import partitions
 from mssegment.segmentation.consensus import is_long
-from mssegment.segmentation.consensus.bodies import refine
 
 
 def sets_of(points: np.ndarray, rng: np.random.Generator, rank: int | str = "auto"):
@@ -43,7 +46,7 @@ def test_bodies_are_found(found) -> None:
 
 def test_motions_name_modes_of_their_own(found) -> None:
     _, _, segmentation = found
-    named = [mode.motion for mode in segmentation.modes if mode.motion]
+    named = [(mode.set, mode.motion) for mode in segmentation.modes if mode.motion]
     assert len(named) == len(set(named))
     for motion in segmentation.motions:
         assert motion.rms < 1.0
@@ -63,4 +66,61 @@ def test_refinement_mends_what_was_swapped(rng: np.random.Generator) -> None:
     components = rng.normal(size=(120, 12)) + 15 * truth[:, None]
     wrong = truth.copy()
     wrong[:9], wrong[60:69] = 1, 0
-    np.testing.assert_array_equal(refine(components, wrong), truth)
+    found = Likelihood(components, np.ones((120, 1))).refine(wrong, weight=1.0)
+    np.testing.assert_array_equal(found, truth)
+
+
+def test_a_track_is_judged_by_the_others(rng: np.random.Generator) -> None:
+    """(D + 5) ln(1 + q / 5) + ln|S| with q and |S| of the cloud fitted without the track."""
+    components = rng.normal(size=(40, 3)) * (9, 5, 3)
+    everyone = np.ones((1, 40))
+    with_itself = Likelihood(components, np.ones((40, 1))).track_costs(everyone)[0]
+    for track in (0, 7, 23):
+        others = everyone.copy()
+        others[0, track] = 0
+        without = Likelihood(components, np.ones((40, 1))).track_costs(others)[0]
+        assert with_itself[track] == pytest.approx(without[track], abs=0.15)
+
+
+def test_labels_are_predicted_by_the_company_of_the_others() -> None:
+    company = np.repeat(np.eye(2), [3, 5], axis=0)
+    members = np.array([[1, 1, 0, 0, 0, 0, 0, 0], [0, 0, 1, 1, 1, 1, 1, 1]], dtype=float)
+    costs = Likelihood(np.zeros((8, 2)), company).label_costs(members)
+    # of the two others in the mode of the first track, one has its label
+    assert np.exp(-costs[0, 0]) == pytest.approx(0.98 * 0.5 + 0.02 * 2 / 8)
+    # both others of the third track have another one
+    assert np.exp(-costs[0, 2]) == pytest.approx(0.98 + 0.02 * 2 / 8)
+    assert np.exp(-costs[:, 4]).sum() == pytest.approx(1)
+
+
+def test_a_mode_of_one_track_predicts_nothing() -> None:
+    costs = Likelihood(np.zeros((4, 2)), np.eye(4)).label_costs(membership(np.array([0, 0, 0, 1])))
+    np.testing.assert_allclose(np.exp(-costs), np.repeat([[0.75], [0.25]], 4, axis=1))
+
+
+@settings(max_examples=15, deadline=None)
+@given(st.integers(0, 10**6))
+def test_costs_do_not_know_the_order_of_tracks_or_the_axes(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    components, labels = rng.normal(size=(50, 4)) * 20, rng.integers(0, 3, 50)
+    labels[:3] = 0, 1, 2
+    company = rng.dirichlet(np.ones(5), 50)
+    cost = Likelihood(components, company).cost(labels, 3.0)
+    order, turn = rng.permutation(50), np.linalg.qr(rng.normal(size=(4, 4)))[0]
+    moved = (components[order] + 7) @ turn
+    assert Likelihood(moved, company[order]).cost(labels[order], 3.0) == pytest.approx(cost)
+    assert Likelihood(components, company).cost((labels + 1) % 3, 3.0) == pytest.approx(cost)
+
+
+def test_a_mode_that_holds_a_body_together_keeps_it_in_one_piece(rng: np.random.Generator) -> None:
+    """Two far halves of one background, and two small bodies near each other."""
+    place = np.concatenate(
+        [rng.normal(size=(60, 4)) * 4 + shift for shift in ((-18, 0, 0, 0), (18, 0, 0, 0))]
+        + [rng.normal(size=(15, 4)) * 2 + shift for shift in ((0, 9, 0, 0), (0, -9, 0, 0))]
+    )
+    truth = np.repeat([0, 1, 2], [120, 15, 15])
+    begin = [np.repeat([0, 1, 2, 3], [60, 60, 15, 15])]
+    nothing_known, held = np.full((150, 1), 1.0), np.eye(3)[truth]
+    split = partitions(Likelihood(place, nothing_known), begin)[3]
+    assert misclassification(split + 1, truth + 1) > 0.1
+    np.testing.assert_array_equal(partitions(Likelihood(place, held), begin)[3], truth)

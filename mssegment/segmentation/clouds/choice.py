@@ -1,0 +1,99 @@
+"""From modes to motions over many frames: groups, their number, their outliers, their rank."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from mssegment.motions import Flags
+from mssegment.records import Floats, Integers
+from mssegment.segmentation.clouds.company import company
+from mssegment.segmentation.clouds.likelihood import FEWEST, Likelihood
+from mssegment.segmentation.clouds.search import COMPANY, partitions, saved_by_parting, starts
+from mssegment.segmentation.consensus.bodies import principal_components
+from mssegment.segmentation.consensus.outliers import leave_one_out_residuals
+from mssegment.segmentation.selection import Choice, Chosen, Problem, View
+
+DISTINCT = 47.5
+"""Two groups are two bodies if (cost of the union - cost apart) / sqrt(tracks) is above this."""
+OUTLYING = 20.0
+"""A track is an outlier if its residual, over its group's median, is above this."""
+PLANAR = 1.25
+"""A body is planar if rank 3 leaves at most so many times the residual of rank 4."""
+MOST_MOTIONS = 8
+
+
+def clouds(problem: Problem) -> Choice:
+    """The selection for ``factorization`` over many frames: a motion per group of tracks."""
+    companies = [company(problem, index) for index in range(len(problem.views))]
+    # a plane's hypotheses are the purest: most tracks near each other lie in one
+    purest = min(range(len(companies)), key=lambda i: problem.views[i].hypotheses.points.shape[-1])
+    likelihood = Likelihood(principal_components(problem.points), companies[purest])
+    best = partitions(likelihood, starts(problem, companies))
+    groups = _count(problem, likelihood, best)
+    labels = best[groups]
+    chosen = [_chosen(problem, labels == group) for group in range(groups)]
+    taken: set[int] = set()
+    motions = []
+    for motion in chosen:
+        mode = _mode_of(problem, motion, taken)
+        if mode is not None:
+            taken.add(mode)
+        motions.append(Chosen(motion.set, motion.point, motion.inliers, mode, motion.scale))
+    return Choice(tuple(motions))
+
+
+def _count(problem: Problem, likelihood: Likelihood, best: dict[int, Integers]) -> int:
+    """The number given; else groups are added as long as all of them are distinct."""
+    given = problem.motions
+    if given:
+        return min(best, key=lambda count: (abs(count - given), count))
+    groups = max(1, min(problem.min_motions, max(best)))
+    while groups + 1 in best and groups < MOST_MOTIONS:
+        if distinctness(likelihood, best[groups + 1]) < DISTINCT:
+            break
+        groups += 1
+    return groups
+
+
+def distinctness(likelihood: Likelihood, labels: Integers) -> float:
+    """Of the two groups that are most like one body (nats over the root of their tracks)."""
+    sizes = np.bincount(labels)
+    pairs, saved = saved_by_parting(likelihood, labels, COMPANY)
+    return min(
+        float(amount / np.sqrt(sizes[i] + sizes[j]))
+        for (i, j), amount in zip(pairs, saved, strict=True)
+    )
+
+
+def _chosen(problem: Problem, members: Flags) -> Chosen:
+    """The motion of a group: the lowest rank that explains it, without the group's outliers."""
+    vectors = problem.points[members].reshape(int(members.sum()), -1)
+    inliers = members.copy()
+    if len(vectors) > FEWEST:
+        residual = leave_one_out_residuals(vectors)
+        inliers[np.flatnonzero(members)[residual > OUTLYING * np.median(residual)]] = False
+    fits = [_fit(view, inliers) for view in problem.views]
+    least = min(rms for _, rms in fits)
+    ranks = [view.hypotheses.points.shape[-1] for view in problem.views]
+    index = min(
+        (i for i, (_, rms) in enumerate(fits) if rms <= PLANAR * least), key=lambda i: ranks[i]
+    )
+    point, rms = fits[index]
+    return Chosen(index, point, inliers, None, rms)
+
+
+def _fit(view: View, inliers: Flags) -> tuple[Floats, float]:
+    points, sound = view.fit(inliers[None].astype(np.float64))
+    if not sound[0]:
+        return points[0], np.inf
+    return points[0], float(np.sqrt(np.mean(view.residuals(points)[0, inliers] ** 2)))
+
+
+def _mode_of(problem: Problem, motion: Chosen, taken: set[int]) -> int | None:
+    """The mode of the motion's set that is nearest to it on the manifold, if still free."""
+    free = [i for i, mode in enumerate(problem.modes) if mode.set == motion.set and i not in taken]
+    if not free:
+        return None
+    manifold = problem.views[motion.set].model.manifold
+    gaps = [float(manifold.dist(motion.point[None], problem.modes[i].point[None])[0]) for i in free]
+    return free[int(np.argmin(gaps))]
