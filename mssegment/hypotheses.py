@@ -214,7 +214,9 @@ def _sample(
         confirmed = _confirmed(scene, drawn_now, agree)
         drawn += BATCH
         subsets.append(drawn_now[confirmed])
-        hypotheses.append(_polished(scene, drawn_now[confirmed], found[confirmed]))
+        hypotheses.append(
+            _polished(scene, drawn_now[confirmed], found[confirmed], agree[confirmed])
+        )
         kept += int(confirmed.sum())
         settled = progress.settled(agree[confirmed])
         if count == "auto" and kept >= FEWEST and settled:
@@ -255,18 +257,20 @@ def _confirmed(scene: _Scene, subsets: Integers, agree: Flags) -> Flags:
     return np.asarray((confirming >= needed) & (needed > 0))
 
 
-def _polished(scene: _Scene, subsets: Integers, points: Floats) -> Floats:
-    """Refits each hypothesis to its subset and the tracks near its seed that confirm it.
+def _polished(scene: _Scene, subsets: Integers, points: Floats, agree: Flags) -> Floats:
+    """Refits each hypothesis to its subset and the tracks near its seed that ``agree`` [B, P].
 
     The noise of an elemental subset would smear the modes: with it one motion of a scene like
     Fig. 2 has five of them.
     """
     near = scene.neighbours[subsets[:, 0]]
-    for _ in range(POLISHINGS):
-        residuals = scene.model.residuals(points, scene.observed, scene.coordinates)
-        weights = np.zeros_like(residuals)
-        agree = np.take_along_axis(residuals, near, axis=1) < scene.tolerance
-        np.put_along_axis(weights, near, agree.astype(np.float64), axis=1)
+    for again in range(POLISHINGS):
+        if again:
+            residuals = scene.model.residuals(points, scene.observed, scene.coordinates)
+            agree = residuals < scene.tolerance
+        weights = np.zeros(agree.shape)
+        confirming = np.take_along_axis(agree, near, axis=1)
+        np.put_along_axis(weights, near, confirming.astype(np.float64), axis=1)
         np.put_along_axis(weights, subsets, 1.0, axis=1)
         refitted, sound = scene.model.fit(scene.observed, weights)
         points[sound] = refitted[sound]
@@ -277,20 +281,18 @@ class _Progress:
     """Whether further hypotheses still explain the tracks better than those at hand.
 
     Each track remembers the largest number of tracks that any hypothesis brought it together
-    with; when the mean of these grows by less than one per cent twice running, sampling settles.
+    with; when a batch makes the mean of these grow by less than one per cent, sampling settles.
     """
 
     def __init__(self, tracks: int) -> None:
         self._best = np.zeros(tracks)
-        self._still = 0
 
     def settled(self, agree: Flags) -> bool:
         before = self._best.mean()
         if len(agree):
             support = agree * agree.sum(axis=1, keepdims=True)
             self._best = np.maximum(self._best, support.max(axis=0))
-        self._still = self._still + 1 if self._best.mean() < 1.01 * before else 0
-        return self._still >= 2
+        return bool(self._best.mean() < 1.01 * before)
 
 
 def _why_none(scene: _Scene, drawn: int, sound: int) -> str:

