@@ -12,6 +12,8 @@ from mssegment.records import Camera, Coordinates, Floats
 
 LEAST_SINGULAR_VALUE = 1e-3
 """Of a subset's vectors, over the largest one: below it they span fewer than k dimensions."""
+CANCELLED = 1e-9
+"""|w|^2 - |x'w|^2 over |w|^2 below which rounding would show in the residual."""
 
 
 class Factorization(MotionModel):
@@ -60,11 +62,21 @@ class Factorization(MotionModel):
     def fit(self, observed: Floats, weights: Floats) -> tuple[Floats, Flags]:
         """The k leading principal directions of the weighted feature vectors."""
         vectors = observed.reshape(len(observed), -1)
-        scatter = np.einsum("bp,pi,pj->bij", weights, vectors, vectors, optimize=True)
-        values, directions = np.linalg.eigh(scatter)
-        leading = values[:, -self.rank]
-        sound = leading > 1e-12 * np.maximum(values[:, -1], 1e-12)
-        return directions[:, :, : -self.rank - 1 : -1], np.asarray(sound)
+        if not weights.size:
+            return np.zeros((0, *self.manifold.point_shape)), np.zeros(0, dtype=bool)
+        # a hypothesis is fitted to a handful of tracks: the others have no weight
+        count = max(int((weights > 0).sum(axis=1).max()), self.rank)
+        if count < min(vectors.shape):
+            rows = np.argpartition(-weights, count - 1, axis=1)[:, :count]
+            used = np.sqrt(np.take_along_axis(weights, rows, axis=1))[..., None] * vectors[rows]
+            values, axes = np.linalg.eigh(used @ np.swapaxes(used, 1, 2))
+            leading = np.swapaxes(used, 1, 2) @ axes[:, :, : -self.rank - 1 : -1]
+            directions = np.linalg.qr(leading).Q
+        else:
+            values, axes = np.linalg.eigh((vectors.T * weights[:, None]) @ vectors)
+            directions = axes[:, :, : -self.rank - 1 : -1]
+        least = values[:, -self.rank]
+        return directions, np.asarray(least > 1e-12 * np.maximum(values[:, -1], 1e-12))
 
     def residuals(self, points: Floats, observed: Floats, coordinates: Coordinates) -> Floats:
         """Distance to the subspace over sqrt(F), pixels [B, P]."""
@@ -76,10 +88,14 @@ class Factorization(MotionModel):
     ) -> Floats:
         """Distance of the feature vector to the subspace, pixels, as in the table of Fig. 3."""
         vectors = observed.reshape(len(observed), -1)
-        # |w|^2 - |x'w|^2 would cancel: the rejected part itself is exact
-        along = np.einsum("bik,pi->bpk", points, vectors, optimize=True)
-        across = vectors[None] - np.einsum("bik,bpk->bpi", points, along, optimize=True)
-        return np.asarray(np.linalg.norm(across, axis=-1) * coordinates.scale)
+        along = vectors @ points
+        whole = (vectors**2).sum(axis=1)
+        squared = whole - (along**2).sum(axis=2)
+        # where this cancels, the rejected part itself is exact
+        motion, track = np.nonzero(squared < CANCELLED * whole)
+        across = vectors[track] - (points[motion] @ along[motion, track, :, None])[..., 0]
+        squared[motion, track] = (across**2).sum(axis=1)
+        return np.asarray(np.sqrt(squared) * coordinates.scale)
 
     def free_extent(self, observed: Floats, coordinates: Coordinates) -> float:
         """The place of a track in the first frame, and k - 2 more coordinates in the subspace.
