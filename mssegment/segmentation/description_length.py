@@ -180,11 +180,14 @@ def settle(
         return description.labels(chosen), chosen
     families = [family.measured() for family in description.families]
     neighbourhood = Neighbourhood(neighbour_space(problem.points))
+    labels = neighbour_labels(chosen.gains, neighbourhood)
     for _ in range(SETTLING):
-        labels = neighbour_labels(chosen.gains, neighbourhood)
         inliers = labels == np.arange(1, len(chosen) + 1)[:, None]
         chosen = refit_once(families, chosen, inliers.astype(np.float64))
-    return neighbour_labels(chosen.gains, neighbourhood), chosen
+        before, labels = labels, neighbour_labels(chosen.gains, neighbourhood)
+        if np.array_equal(labels, before):
+            break
+    return labels, chosen
 
 
 def models_chosen(problem: Problem, found: Sequence[Chosen]) -> str:

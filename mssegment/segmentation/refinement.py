@@ -7,7 +7,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from mssegment.records import Floats
+from mssegment.records import Floats, Integers
 from mssegment.segmentation.candidates import Candidates, Family, join
 from mssegment.segmentation.description import Description
 
@@ -18,21 +18,27 @@ TURNS = 4
 def refine(description: Description, sets: Sequence[Candidates]) -> list[Candidates]:
     """Each set of motions, every motion refitted to the tracks it wins against the others.
 
-    All motions of all sets are fitted in one batch. A motion whose refit is unsound stays.
+    All motions of all sets are fitted in one batch; a set rests when its labels stay. A motion
+    whose refit is unsound stays as it is.
     """
-    lengths = [len(s) for s in sets]
-    ends = np.cumsum([0, *lengths])
-    current = join(list(sets))
-    if not len(current):
-        return list(sets)
+    refined = list(sets)
+    labels: dict[int, Integers] = {}
+    moving = [index for index, one in enumerate(refined) if len(one)]
     for _ in range(TURNS):
-        inliers = np.zeros(current.gains.shape)
-        for a, b in pairwise(ends):
-            if b > a:
-                labels = description.labels(current.take(np.arange(a, b)))
-                inliers[a:b] = labels == np.arange(1, b - a + 1)[:, None]
-        current = refit_once(description.families, current, inliers)
-    return [current.take(np.arange(a, b)) for a, b in pairwise(ends)]
+        before, labels = labels, {i: description.labels(refined[i]) for i in moving}
+        moving = [i for i in moving if i not in before or not np.array_equal(labels[i], before[i])]
+        if not moving:
+            break
+        inliers = [labels[i] == np.arange(1, len(refined[i]) + 1)[:, None] for i in moving]
+        fitted = refit_once(
+            description.families,
+            join([refined[i] for i in moving]),
+            np.concatenate(inliers).astype(np.float64),
+        )
+        ends = np.cumsum([0, *(len(refined[i]) for i in moving)])
+        for i, (a, b) in zip(moving, pairwise(ends), strict=True):
+            refined[i] = fitted.take(np.arange(a, b))
+    return refined
 
 
 def refit_once(families: Sequence[Family], current: Candidates, inliers: Floats) -> Candidates:
