@@ -36,8 +36,8 @@ SUBSETS, SUBSET_SIZE, ROUNDS = 400, 7, 8
 Half of them come from a neighbourhood that holds a quarter of the matches."""
 SAMPLE = 250
 """Matches that the candidates are judged by."""
-CANDIDATES = 12
-"""Rotations that are judged by all bodies; the best, REFINED of them, are then refined."""
+CANDIDATES = 3
+"""Rotations, per scale, that are judged by all bodies."""
 SCALES = (0.05, 0.1, 0.2, 0.4, 0.8, 1.6)
 """Scales of a body's residuals that are tried, pixels: from a good tracker on the static world to a
 body that turns a little itself."""
@@ -45,9 +45,10 @@ SEEDS, NEIGHBOURS = 100, 8
 """Places where a translation is fitted, and the nearest matches that it is fitted to."""
 BODIES = 5
 REFINED = 2
-REFINEMENTS = 8
-"""Turns of bodies and rotation, at most; each has a few STEPS."""
-STEPS = 3
+"""Candidates, the best ones, that are fitted to all matches."""
+SETTLING, REFINEMENTS, STEPS = 1, 6, 3
+"""Turns of bodies and rotation for every candidate, and at most for the best ones; each turn has a
+few steps of Gauss-Newton."""
 POLISHINGS, NEAR = 10, 4.0
 """Steps on the largest motion alone, and how far its matches reach, in medians."""
 PIXEL, LEAST_SHARE = 1.0, 0.25
@@ -113,10 +114,10 @@ def find_rotation(points: Floats, camera: Camera, rng: np.random.Generator) -> D
     some = np.sort(rng.permutation(len(points))[:SAMPLE])
     sample = _matches(points, matches, coordinates.scale, extent, some)
     candidates = _candidates(points, every, sample, rng)
-    values = [_bodies(sample, one).saved for one in candidates]
     # no rotation is the first candidate, and the likeliest before anything is seen
-    best = sorted({0, *np.argsort(values)[-REFINED:].tolist()})
-    refined = [_refined(every, candidates[one]) for one in best]
+    settled = [_refined(sample, one, SETTLING) for one in candidates]
+    best = sorted({0, *np.argsort([one[1].saved for one in settled])[-REFINED:].tolist()})
+    refined = [_refined(every, settled[one][0], REFINEMENTS) for one in best]
     found, bodies = max(refined, key=lambda pair: pair[1].saved)
     found, share = _polished(every, found, bodies)
     unturned = _bodies(every, np.eye(3), bodies.directions)
@@ -156,15 +157,12 @@ def _candidates(
     small = degrees(rotations) < LARGEST
     directions, rotations = directions[small], rotations[small]
     fit = distances(directions, sample.first, turn(sample.second, rotations))
-    values = np.stack(
-        [
-            np.maximum(_gains(half_line_squares(*fit, sign), sample, scale), 0.0).sum(axis=1)
-            for sign in (1.0, -1.0)
-            for scale in SCALES
-        ]
-    ).max(axis=0)
-    best = np.argsort(-values, kind="stable")[:CANDIDATES]
-    return np.concatenate([np.eye(3)[None], rotations[best]])
+    squares = [half_line_squares(*fit, sign) for sign in (1.0, -1.0)]
+    chosen: set[int] = set()
+    for scale in SCALES:
+        saved = [np.maximum(_gains(q, sample, scale), 0.0).sum(axis=1) for q in squares]
+        chosen |= set(np.argsort(-np.maximum(*saved), kind="stable")[:CANDIDATES].tolist())
+    return np.concatenate([np.eye(3)[None], rotations[sorted(chosen)]])
 
 
 def _subsets(points: Floats, rng: np.random.Generator) -> Integers:
@@ -208,27 +206,34 @@ def _bodies(matches: _Matches, turned: Floats, known: Floats = NONE) -> _Bodies:
     table = np.concatenate([_gains(squares, matches, s) for s in SCALES]).astype(np.float32)
     # a direction is stated to the precision of the residuals
     prices = np.repeat(2 * np.log(matches.extent / np.array(SCALES)), count)
-    saved, total, chosen = np.zeros(len(first), np.float32), 0.0, []
+    found = _Bodies(NONE, np.zeros(0), np.full(len(first), -1), 0.0)
+    gains, chosen = np.zeros((1, len(first)), np.float32), []
     for _ in range(BODIES):
-        values = np.maximum(table, saved).sum(axis=1) - saved.sum() - prices
-        best = int(values.argmax())
-        if values[best] <= 0:
+        values = np.maximum(table, gains.max(axis=0)).sum(axis=1) - prices
+        chosen.append(int(values.argmax()))
+        gains = np.concatenate([gains, table[chosen[-1:]]])
+        labels = gains.argmax(axis=0) - 1
+        value = float(gains.max(axis=0).sum() - prices[chosen].sum()) - _entropy(labels)
+        if value <= found.saved:
             break
-        chosen.append(best)
-        total += float(values[best])
-        saved = np.maximum(saved, table[best])
-    if not chosen:
-        return _Bodies(np.zeros((0, 3)), np.zeros(0), np.full(len(first), -1), 0.0)
-    labels = np.where(saved > 0, table[chosen].argmax(axis=0), -1)
-    index = np.array(chosen)
-    return _Bodies(directions[index % count], np.array(SCALES)[index // count], labels, total)
+        index = np.array(chosen)
+        scales = np.array(SCALES)[index // count]
+        found = _Bodies(directions[index % count], scales, labels, value)
+    return found
 
 
-def _refined(matches: _Matches, turned: Floats) -> tuple[Floats, _Bodies]:
+def _entropy(labels: Integers) -> float:
+    """Nats to state the labels [P], from -1, by the frequency of each."""
+    count = np.bincount(labels + 1)
+    used = count[count > 0]
+    return float(-(used * np.log(used / len(labels))).sum())
+
+
+def _refined(matches: _Matches, turned: Floats, rounds: int) -> tuple[Floats, _Bodies]:
     """The turn fitted to all bodies together, and the bodies under the turn, by turns."""
     bodies = _bodies(matches, turned)
     best, idle = (turned, bodies), 0
-    for _ in range(REFINEMENTS):
+    for _ in range(rounds):
         if not len(bodies.directions) or idle > 1:
             break
         turned, directions = _common_turn(matches, turned, bodies)
