@@ -118,7 +118,7 @@ def describe_tracks(problem: Problem, families: Sequence[Family], recipe: Recipe
     """The description that ``problem`` asks for."""
     given = problem.motions
     exact = all(family.noise.free > 0 for family in families)
-    # a calibrated camera sees finer than a body is rigid: where it turns a little, misfits are smooth
+    # a body that turns a little misfits its translation smoothly
     smooth = any(view.model.needs_camera for view in problem.views)
     apart = problem.granularity == "surface" or (exact and not smooth)
     nearest = nearest_neighbours(problem.points, NEIGHBOURS) if apart else None

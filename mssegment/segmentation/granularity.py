@@ -22,7 +22,7 @@ holds them: 1 to 5 pixels in 640 x 480. No wall is quite flat."""
 PARALLEL = (0.0003, 0.001)
 """The same for motions that leave parallax free under an affine camera, which is nearly true."""
 EXACT = (0.00007, 0.001)
-"""The same under a calibrated camera: the noise of corners, from a good tracker's to a matcher's."""
+"""The same under a calibrated camera: the noise of corners, a good tracker's to a matcher's."""
 PARALLAX = 0.03
 """Parallax inside a body that is noise, over its displacement."""
 
