@@ -12,11 +12,11 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from scipy.spatial import KDTree
 
 from mssegment import motions
 from mssegment.errors import DataError, UsageError
 from mssegment.motions import Flags, MotionModel
+from mssegment.neighbours import nearest
 from mssegment.records import Camera, Coordinates, Floats, HypothesisSet, Integers
 
 Count = int | Literal["auto"]
@@ -115,7 +115,7 @@ def neighbour_space(points: Floats) -> Floats:
 def nearest_neighbours(points: Floats, count: int) -> Integers:
     """The ``count`` nearest other tracks of each track [P, F, 2], nearest first, [P, count]."""
     space = neighbour_space(points)
-    _, found = KDTree(space).query(space, k=min(count, len(space) - 1) + 1)
+    _, found = nearest(space, space, min(count, len(space) - 1) + 1)
     # of identical tracks another one may come first: drop the track itself wherever it is
     itself = found == np.arange(len(space))[:, None]
     itself[~itself.any(axis=1), -1] = True

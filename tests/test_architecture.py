@@ -12,6 +12,7 @@ import mssegment
 ROOT = Path(mssegment.__file__).parent
 FLOORS = [
     {"records", "errors"},
+    {"neighbours", "special"},
     {"manifolds"},
     {"motions", "evaluation"},
     {"meanshift", "imaging", "datasets", "documents", "configuration"},

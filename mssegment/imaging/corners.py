@@ -7,11 +7,11 @@ from collections.abc import Sequence
 import cv2
 import numpy as np
 import numpy.typing as npt
-from scipy.spatial import cKDTree
 
 from mssegment.errors import DataError
 from mssegment.imaging.pictures import Grey
 from mssegment.imaging.pyramid import Level, build_pyramid, size_unit
+from mssegment.neighbours import pairs_within
 from mssegment.records import Corners, Floats, Frame
 
 HARRIS_K = 0.04
@@ -185,7 +185,7 @@ def spread(
     ``distance``. At most ``limit`` stay.
     """
     where = np.asarray(points, np.float64).reshape(-1, 2)
-    pairs = cKDTree(where).query_pairs(np.nextafter(distance, 0), output_type="ndarray")
+    pairs = pairs_within(where, float(np.nextafter(distance, 0)))
     earlier, later = pairs.min(axis=1, initial=len(where)), pairs.max(axis=1, initial=0)
     open_ = np.ones(len(where), bool)
     kept = np.zeros(len(where), bool)

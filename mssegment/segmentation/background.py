@@ -11,10 +11,10 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from mssegment.meanshift import MeanShift
 from mssegment.motions import Flags
+from mssegment.neighbours import nearest
 from mssegment.records import BACKGROUND, OUTLIER, Floats, Integers
 
 BANDWIDTH = 2.0
@@ -97,9 +97,9 @@ def _wavering(points: Floats, distance: Floats, still: Flags) -> Flags:
     quiet = still[judged]
     weak = ~quiet & (reach < WAVERING * np.quantile(reach[quiet], LEAST_FRAMES))
     place = np.nanmean(points[judged], axis=1)
-    _, nearest = cKDTree(place).query(place, NEIGHBOURS + 1)
+    _, near = nearest(place, place, NEIGHBOURS + 1)
     while True:
-        joining = weak & ~quiet & (quiet[nearest[:, 1:]].mean(axis=1) > 0.5)
+        joining = weak & ~quiet & (quiet[near[:, 1:]].mean(axis=1) > 0.5)
         if not joining.any():
             found[judged[quiet]] = True
             return found

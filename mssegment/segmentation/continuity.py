@@ -12,8 +12,8 @@ from __future__ import annotations
 from itertools import combinations
 
 import numpy as np
-from scipy.spatial import KDTree
 
+from mssegment.neighbours import nearest
 from mssegment.records import Floats, Integers
 from mssegment.segmentation.candidates import Candidates, join
 from mssegment.segmentation.description import Description
@@ -106,7 +106,7 @@ def _transferred(problem: Problem, chosen: Candidates, k: int, places: Floats) -
 
 def _neighbours(places: Floats) -> Integers:
     """The nearest other places of each place [n, 2], [n, k]."""
-    _, found = KDTree(places).query(places, k=min(NEIGHBOURS, len(places) - 1) + 1)
+    _, found = nearest(places, places, min(NEIGHBOURS, len(places) - 1) + 1)
     itself = found == np.arange(len(places))[:, None]
     itself[~itself.any(axis=1), -1] = True
     return np.asarray(found[~itself].reshape(len(places), -1), dtype=np.int64)

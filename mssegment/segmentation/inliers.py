@@ -9,14 +9,15 @@ spread of the logarithm of a noise does not depend on its size.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import gammaincinv, gammaln, polygamma
 
 from mssegment.motions import Flags, MotionModel
 from mssegment.records import Floats
 from mssegment.segmentation.selection import View
+from mssegment.special import gamma_quantile, trigamma
 
 GRID = 0.02
 """Step of the grid of log residuals (2 % of a residual)."""
@@ -45,7 +46,7 @@ def log_spread(dimension: int) -> float:
     That is sqrt(psi'(c/2)) / 2 for c dimensions. One-dimensional noise has a long tail towards
     zero, but the flank that the minimum bounds is no wider than in two dimensions.
     """
-    return 0.5 * float(np.sqrt(polygamma(1, max(dimension, 2) / 2)))
+    return 0.5 * float(np.sqrt(trigamma(max(dimension, 2) / 2)))
 
 
 def first_minimum(residuals: Floats, dimension: int, least: int) -> float:
@@ -102,12 +103,12 @@ def _chi_density(x: Floats, c: int) -> Floats:
 
     By hand, because importing scipy.stats takes longer than segmenting a pair of pictures.
     """
-    constant = 2.0 ** (1 - c / 2) / np.exp(gammaln(c / 2))
+    constant = 2.0 ** (1 - c / 2) / math.exp(math.lgamma(c / 2))
     return np.asarray(constant * x ** (c - 1) * np.exp(-0.5 * x * x))
 
 
 def _chi_median(c: int) -> float:
-    return float(np.sqrt(2.0 * gammaincinv(c / 2, 0.5)))
+    return float(np.sqrt(2.0 * gamma_quantile(c / 2, 0.5)))
 
 
 def fit_within(view: View, point: Floats, cut: float) -> Fitted | None:

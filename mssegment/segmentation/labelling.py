@@ -9,9 +9,9 @@ assigned at last, where two motions explain a track about equally well.
 from __future__ import annotations
 
 import numpy as np
-from scipy.spatial import KDTree
 
 from mssegment.motions import Flags
+from mssegment.neighbours import nearest
 from mssegment.records import Floats, Integers
 
 TURNS = 12
@@ -34,7 +34,7 @@ class Neighbourhood:
     def __init__(self, space: Floats) -> None:
         self._space = space
         size = min(WIDER * NEIGHBOURS, len(space))
-        near = KDTree(space).query(space, k=max(size, 1))[1].reshape(len(space), -1)
+        near = nearest(space, space, max(size, 1))[1]
         self._around = np.asarray(near, dtype=np.int64)
         self._itself = self._around == np.arange(len(space))[:, None]
 
@@ -53,7 +53,7 @@ class Neighbourhood:
         short = np.flatnonzero(useful.sum(axis=1) < count)
         if len(short):
             others = np.flatnonzero(assigned)
-            place = KDTree(self._space[others]).query(self._space[short], k=count + 1)[1]
+            place = nearest(self._space[others], self._space[short], count + 1)[1]
             near = others[place]
             itself = near == short[:, None]
             itself[~itself.any(axis=1), -1] = True

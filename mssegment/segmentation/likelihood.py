@@ -9,10 +9,10 @@ uniform. Everything is in nats, and a common scaling of all coordinates changes 
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import gammaln
 
 from mssegment.records import Floats
 
@@ -63,7 +63,8 @@ class Noise:
         if np.isinf(nu):
             normaliser = c / 2 * np.log(2 * np.pi)
         else:
-            normaliser = gammaln(nu / 2) - gammaln((nu + c) / 2) + c / 2 * np.log(nu * np.pi)
+            normaliser = math.lgamma(nu / 2) - math.lgamma((nu + c) / 2)
+            normaliser += c / 2 * np.log(nu * np.pi)
         return np.asarray(self.outlier - self.free - c * np.log(scales) - normaliser)
 
     def half_gain(self, scales: Floats) -> Floats:

@@ -8,11 +8,11 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 import numpy.typing as npt
-from scipy.spatial import cKDTree
 
 from mssegment.imaging.corners import FEW_FRAMES, spread
 from mssegment.imaging.matching.light import Light, first_light, flash, light_between
 from mssegment.imaging.pictures import Grey
+from mssegment.neighbours import nearest
 from mssegment.records import Corners, Floats, Tracks
 
 Bytes = npt.NDArray[np.uint8]
@@ -88,8 +88,8 @@ def _far_from(points: Floats, others: Floats, distance: float) -> Floats:
     """The points that have none of ``others`` within ``distance``."""
     if not len(points) or not len(others):
         return points
-    gap, _ = cKDTree(others).query(points)
-    return np.asarray(points[gap >= distance])
+    gap, _ = nearest(others, points)
+    return np.asarray(points[gap[:, 0] >= distance])
 
 
 @dataclass(frozen=True)

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
-from scipy.spatial import cKDTree
 
 from mssegment.imaging.matching.views import Indices, Singles
+from mssegment.neighbours import nearest
 from mssegment.records import Floats
 
 BLOCK = 128
@@ -65,6 +65,5 @@ def mutual(
 def _same_place(places: Floats, apart: float) -> npt.NDArray[np.intp]:
     """For each position the indices of those within ``apart``, filled up with its own."""
     count = min(NEIGHBOURS, len(places))
-    _, index = cKDTree(places).query(places, count, distance_upper_bound=apart)
-    index = np.asarray(index).reshape(len(places), -1)
+    _, index = nearest(places, places, count, apart)
     return np.where(index == len(places), np.arange(len(places))[:, None], index)

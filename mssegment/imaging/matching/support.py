@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import numpy.typing as npt
-from scipy.spatial import cKDTree
 
 from mssegment.imaging.matching.views import Indices
+from mssegment.neighbours import nearest
 from mssegment.records import Floats
 
 NEIGHBOURS = 10
@@ -23,7 +23,7 @@ def supported(first: Floats, second: Floats, affines: Floats, least: int) -> npt
     count = min(NEIGHBOURS, len(first) - 1)
     if count < least:
         return np.zeros(len(first), bool)
-    distance, index = cKDTree(first).query(first, count + 1)
+    distance, index = nearest(first, first, count + 1)
     distance, index = distance[:, 1:], index[:, 1:]
     predicted = predict(first[:, None], first[index], second[index], affines[index])
     miss = np.linalg.norm(predicted - second[:, None], axis=2)
@@ -42,13 +42,12 @@ def nearest_matches(
 ) -> tuple[Indices, Indices]:
     """Each point with each of its ``count`` nearest matches within ``radius``: index pairs."""
     near = min(count, len(first))
-    _, index = cKDTree(first).query(points, near, distance_upper_bound=radius)
-    index = np.asarray(index).reshape(len(points), -1)
+    _, index = nearest(first, points, near, radius)
     rows, slots = np.nonzero(index < len(first))
     return rows, index[rows, slots]
 
 
 def distance_to(points: Floats, first: Floats) -> Floats:
     """From each point to the nearest match in view 1, pixels."""
-    gap, _ = cKDTree(first).query(points)
-    return np.asarray(gap)
+    gap, _ = nearest(first, points)
+    return gap[:, 0]

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 import numpy.typing as npt
-import scipy.linalg
 
 from mssegment.records import Floats, Integers
 
@@ -38,6 +37,8 @@ def embedding(affinity: Floats, dimensions: int) -> Floats:
         vectors = _leading(normalised.astype(np.float32), count)
         if vectors is not None:
             return vectors
+    import scipy.linalg  # slow to load, and two views need none of it
+
     _, vectors = scipy.linalg.eigh(
         normalised,
         subset_by_index=[size - count, size - 1],
