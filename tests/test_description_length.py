@@ -151,6 +151,58 @@ def test_neighbours_decide_between_equal_motions() -> None:
     assert labels[30] == 2
 
 
+def test_neighbours_that_count_are_the_nearest(rng: np.random.Generator) -> None:
+    space = rng.uniform(0, 10, (60, 2))
+    neighbourhood = Neighbourhood(space)
+    for share in (0.9, 0.3, 0.1):
+        assigned = rng.uniform(size=60) < share
+        found = neighbourhood.of(assigned)
+        for track, near in enumerate(found):
+            others = np.setdiff1d(np.flatnonzero(assigned), [track])
+            distance = np.linalg.norm(space[others] - space[track], axis=1)
+            np.testing.assert_array_equal(near, others[distance.argsort()[: len(near)]])
+
+
+@pytest.mark.parametrize("freedom", [2.5, np.inf])
+def test_half_of_the_gain_is_saved_where_it_says(freedom: float) -> None:
+    noise, scales = replace(NOISE, freedom=freedom), np.array([0.5, 2.0, 5.0])
+    at_half = noise.gains(noise.half_gain(scales)[:, None], scales)[:, 0]
+    np.testing.assert_allclose(at_half, noise.perfect(scales) / 2)
+    hopeless = np.array([1e5])  # saves nothing even on a perfect fit
+    assert noise.half_gain(hopeless) == 0
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_bodies_apart_that_move_almost_alike_are_two(seed: int) -> None:
+    points = almost_alike(seed, difference=3.0)
+    assert len(segment(points, granularity="surface").motions) == 2
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_parts_apart_that_move_alike_are_one(seed: int) -> None:
+    points = almost_alike(seed, difference=0.0)
+    assert len(segment(points, granularity="surface").motions) == 1
+
+
+def almost_alike(seed: int, difference: float) -> Floats:
+    """16 tracks each of two places, all in one affine motion but for the ``difference`` (pixels).
+
+    Noise 0.5 px in both views and 30 mismatches. The difference is one that no affine motion of
+    both could have: the second place turns its own way.
+    """
+    rng = np.random.default_rng(seed)
+    parts = []
+    for j, corner in enumerate(((100, 100), (300, 150))):
+        first = rng.uniform(corner, np.add(corner, 100), (16, 2))
+        angle = j * difference / 40
+        turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+        middle = first.mean(axis=0)
+        second = (first - middle) @ turn.T + middle + [25.0, 10.0]
+        parts.append(np.stack([first, second], axis=1) + rng.normal(0, 0.5, (16, 2, 2)))
+    parts.append(rng.uniform([100, 100], [420, 270], (30, 2, 2)))
+    return np.concatenate(parts)
+
+
 def test_gains_are_densities() -> None:
     """exp(gain - outlier) integrates to one over the plane of residuals."""
     radius = np.linspace(0, 4000, 4_000_001)
