@@ -131,7 +131,7 @@ def test_labels_save_at_least_as_much_as_none(seed: int, motions: int, tracks: i
     assert labels.max(initial=0) <= motions
     # the code of the labels never saves anything
     assert saved <= np.maximum(gains.max(axis=0, initial=0.0), 0.0).sum() + 1e-9
-    near = neighbour_labels(gains, Neighbourhood(rng.uniform(0, 10, (tracks, 2))))
+    near = neighbour_labels(gains, Neighbourhood(rng.uniform(0, 10, (tracks, 2))), labels)
     assert near.shape == (tracks,)
 
 
@@ -146,7 +146,7 @@ def test_neighbours_decide_between_equal_motions() -> None:
     places = np.stack([np.arange(40.0), np.zeros(40)], axis=1)
     gains = np.where(np.arange(40) < 20, [[6.0], [3.0]], [[3.0], [6.0]])
     gains[:, [5, 30]] = 5.0
-    labels = neighbour_labels(gains, Neighbourhood(places))
+    labels = neighbour_labels(gains, Neighbourhood(places), frequency_labels(gains)[0])
     assert labels[5] == 1
     assert labels[30] == 2
 

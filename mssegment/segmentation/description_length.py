@@ -182,11 +182,11 @@ def settle(
         return description.labels(chosen), chosen
     families = [family.measured() for family in description.families]
     neighbourhood = Neighbourhood(neighbour_space(problem.points))
-    labels = neighbour_labels(chosen.gains, neighbourhood)
+    labels = neighbour_labels(chosen.gains, neighbourhood, description.labels(chosen))
     for _ in range(SETTLING):
         inliers = labels == np.arange(1, len(chosen) + 1)[:, None]
         chosen = refit_once(families, chosen, inliers.astype(np.float64))
-        before, labels = labels, neighbour_labels(chosen.gains, neighbourhood)
+        before, labels = labels, neighbour_labels(chosen.gains, neighbourhood, labels)
         if np.array_equal(labels, before):
             break
     return labels, chosen

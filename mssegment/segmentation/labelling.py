@@ -131,17 +131,16 @@ def smooth_labels(gains: Floats, nearest: Integers, labels: Integers) -> Integer
     return labels
 
 
-def neighbour_labels(gains: Floats, neighbourhood: Neighbourhood) -> Integers:
-    """The labels [P] when each is predicted by its neighbours.
+def neighbour_labels(gains: Floats, neighbourhood: Neighbourhood, labels: Integers) -> Integers:
+    """The labels [P] when each is predicted by its neighbours, from the ``labels`` [P] before.
 
     Outlier or not is coded by frequency; which motion, by the NEIGHBOURS nearest tracks that
     belong to any.
     """
     table = _with_outlier(gains)
     motions = len(gains)
-    labels, _ = frequency_labels(gains)
     if motions < 2:
-        return labels
+        return frequency_labels(gains)[0]
     before, known = None, labels
     for _ in range(TURNS):
         assigned = labels > 0
