@@ -12,9 +12,12 @@ from mssegment.evaluation import misclassification
 from mssegment.records import OUTLIER
 from mssegment.segmentation import cluster
 from mssegment.segmentation.clouds import draw_long_sets
+from mssegment.segmentation.clouds.company import Company
 from mssegment.segmentation.clouds.likelihood import Likelihood, membership
 from mssegment.segmentation.clouds.search import partitions
 from mssegment.segmentation.consensus import is_long
+from mssegment.segmentation.entry import _view
+from mssegment.segmentation.selection import Problem
 
 
 def sets_of(points: np.ndarray, rng: np.random.Generator, rank: int | str = "auto"):
@@ -124,3 +127,34 @@ def test_a_mode_that_holds_a_body_together_keeps_it_in_one_piece(rng: np.random.
     split = partitions(Likelihood(place, nothing_known), begin)[3]
     assert misclassification(split + 1, truth + 1) > 0.1
     np.testing.assert_array_equal(partitions(Likelihood(place, held), begin)[3], truth)
+
+
+def test_outliers_hide_no_body() -> None:
+    rng = np.random.default_rng(8)
+    points, labels = rigid_bodies(rng)
+    wild = points[rng.choice(len(points), 18)] + rng.normal(0, 25, (18, *points.shape[1:]))
+    points, labels = np.concatenate([points, wild]), np.concatenate([labels, np.zeros(18, int)])
+    segmentation = cluster(points, sets_of(points, rng, 3), method="meanshift", motions=3, rng=rng)
+    assert misclassification(segmentation.labels, labels) <= 0.02
+
+
+def test_company_names_the_mode_of_the_hypotheses_around_a_track() -> None:
+    points, labels = rigid_bodies(np.random.default_rng(5))
+    apart = points + np.where(labels == 1, 0.0, 400.0 * labels)[:, None, None]
+    rng = np.random.default_rng(1)
+    (entry,) = sets_of(apart, rng, 3)
+    view = _view(apart, entry)
+    made_of = labels[entry.subsets]
+    assert (made_of == made_of[:, :1]).all()
+    everyone = np.arange(len(apart))
+    problem = Problem(apart, (view,), (), 3, 0, "object", rng, (made_of[:, 0] - 1,), everyone)
+    company = Company.of_set(problem, 0)
+    np.testing.assert_allclose(company.shares.sum(axis=1), 1.0)
+    np.testing.assert_array_equal(company.shares.argmax(axis=1) + 1, labels)
+    assert np.median(company.misfit) < 0.5
+    # numbers of tracks that were left out shift the places of the others
+    kept = np.flatnonzero(everyone % 7 > 0)
+    view = _view(apart[kept], entry)
+    problem = Problem(apart[kept], (view,), (), 3, 0, "object", rng, problem.assignments, kept)
+    shares = Company.of_set(problem, 0).shares
+    np.testing.assert_array_equal(shares.argmax(axis=1) + 1, labels[kept])

@@ -2,21 +2,30 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from mssegment.motions import Flags
-from mssegment.records import Floats, Integers
-from mssegment.segmentation.clouds.company import company
+from mssegment.records import OUTLIER, Floats, Integers
+from mssegment.segmentation.clouds.company import Company
 from mssegment.segmentation.clouds.likelihood import FEWEST, Likelihood
 from mssegment.segmentation.clouds.search import COMPANY, partitions, saved_by_parting, starts
 from mssegment.segmentation.consensus.bodies import principal_components
-from mssegment.segmentation.consensus.outliers import leave_one_out_residuals
+from mssegment.segmentation.consensus.outliers import (
+    first_test,
+    leave_one_out_residuals,
+    spared,
+)
 from mssegment.segmentation.selection import Choice, Chosen, Problem, View
 
 DISTINCT = 47.5
 """Two groups are two bodies if (cost of the union - cost apart) / sqrt(tracks) is above this."""
 OUTLYING = 20.0
-"""A track is an outlier if its residual, over its group's median, is above this."""
+"""A track is an outlier if its residual, over its group's median, is above this; more than that
+(``spared``) where hardly any tracks are."""
+PASSES = 2
+"""The groups are sought again where tracks that fit nothing around them were no outliers."""
 PLANAR = 1.25
 """A body is planar if rank 3 leaves at most so many times the residual of rank 4."""
 MOST_MOTIONS = 8
@@ -24,22 +33,60 @@ MOST_MOTIONS = 8
 
 def clouds(problem: Problem) -> Choice:
     """The selection for ``factorization`` over many frames: a motion per group of tracks."""
-    companies = [company(problem, index) for index in range(len(problem.views))]
-    # a plane's hypotheses are the purest: most tracks near each other lie in one
-    purest = min(range(len(companies)), key=lambda i: problem.views[i].hypotheses.points.shape[-1])
-    likelihood = Likelihood(principal_components(problem.points), companies[purest])
-    best = partitions(likelihood, starts(problem, companies))
-    groups = _count(problem, likelihood, best)
-    labels = best[groups]
-    chosen = [_chosen(problem, labels == group) for group in range(groups)]
+    companies = [Company.of_set(problem, index) for index in range(len(problem.views))]
+    misfit = np.min([one.misfit for one in companies], axis=0)
+    kept = np.flatnonzero(first_test(problem.points, misfit))
+    for _ in range(PASSES):
+        labels = _joined(problem, _groups(problem, companies, kept))
+        relative = _relative_residuals(problem.points, labels)
+        outlying = relative > OUTLYING * spared(relative, OUTLYING)
+        before, kept = kept, np.flatnonzero(~outlying)
+        if np.isin(kept, before).all():
+            break
+    labels[outlying] = OUTLIER
     taken: set[int] = set()
     motions = []
-    for motion in chosen:
+    for label in range(1, int(labels.max()) + 1):
+        motion = _chosen(problem, labels == label)
         mode = _mode_of(problem, motion, taken)
         if mode is not None:
             taken.add(mode)
         motions.append(Chosen(motion.set, motion.point, motion.inliers, mode, motion.scale))
     return Choice(tuple(motions))
+
+
+def _groups(problem: Problem, companies: Sequence[Company], kept: Integers) -> Integers:
+    """Labels 1.. of the tracks ``kept``, the others OUTLIER [P]."""
+    # the hypotheses of planes are the purest: most tracks near each other lie in one
+    purest = min(range(len(companies)), key=lambda i: problem.views[i].hypotheses.points.shape[-1])
+    components = principal_components(problem.points[kept])
+    likelihood = Likelihood(components, companies[purest].shares[kept])
+    best = partitions(likelihood, starts(problem, companies, kept))
+    labels = np.full(len(problem.points), OUTLIER, dtype=np.int64)
+    labels[kept] = best[_count(problem, likelihood, best)] + 1
+    return labels
+
+
+def _joined(problem: Problem, labels: Integers) -> Integers:
+    """Tracks without a label join the group whose subspace is nearest, to be tested there.
+
+    Where a body is not rigid, many of its tracks fit nothing around them.
+    """
+    view = max(problem.views, key=lambda view: view.hypotheses.points.shape[-1])
+    names = np.unique(labels[labels > 0])
+    points, _ = view.fit((labels == names[:, None]).astype(np.float64))
+    return np.where(labels > 0, labels, names[view.residuals(points).argmin(axis=0)])
+
+
+def _relative_residuals(points: Floats, labels: Integers) -> Floats:
+    """Of each track from the others of its group, over the group's median [P]."""
+    relative = np.zeros(len(points))
+    for label in np.unique(labels):
+        members = np.flatnonzero(labels == label)
+        if len(members) > FEWEST:
+            residual = leave_one_out_residuals(points[members].reshape(len(members), -1))
+            relative[members] = residual / max(float(np.median(residual)), 1e-12)
+    return relative
 
 
 def _count(problem: Problem, likelihood: Likelihood, best: dict[int, Integers]) -> int:
@@ -65,13 +112,8 @@ def distinctness(likelihood: Likelihood, labels: Integers) -> float:
     )
 
 
-def _chosen(problem: Problem, members: Flags) -> Chosen:
-    """The motion of a group: the lowest rank that explains it, without the group's outliers."""
-    vectors = problem.points[members].reshape(int(members.sum()), -1)
-    inliers = members.copy()
-    if len(vectors) > FEWEST:
-        residual = leave_one_out_residuals(vectors)
-        inliers[np.flatnonzero(members)[residual > OUTLYING * np.median(residual)]] = False
+def _chosen(problem: Problem, inliers: Flags) -> Chosen:
+    """The motion of a group: the lowest rank that explains it."""
     fits = [_fit(view, inliers) for view in problem.views]
     least = min(rms for _, rms in fits)
     ranks = [view.hypotheses.points.shape[-1] for view in problem.views]

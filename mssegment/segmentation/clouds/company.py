@@ -1,36 +1,61 @@
-"""What mean shift says about each track: to which modes the hypotheses around it climb."""
+"""What the hypotheses and their modes say about each track, before any groups are formed."""
 
 from __future__ import annotations
+
+from dataclasses import dataclass
 
 import numpy as np
 
 from mssegment.hypotheses import AGREEMENT, NEIGHBOURS, nearest_neighbours
+from mssegment.motions import Flags
 from mssegment.records import Floats, Integers
 from mssegment.segmentation.selection import Problem
 
+AROUND = 20
+"""A track's misfit comes from hypotheses whose seed is among so many nearest tracks."""
 
-def company(problem: Problem, index: int) -> Floats:
-    """The share of each mode of set ``index`` in the hypotheses of each track, [P, modes].
 
-    A hypothesis is one of a track's if the track is in its elemental subset, or near its seed and
-    agrees with it. Tracks without any take over what their neighbours have; rows sum to 1.
+@dataclass(frozen=True)
+class Company:
+    """Tracks among the hypotheses of one set.
+
+    ``shares`` [P, modes]: of the hypotheses of each track, the share that climbs to each mode. A
+    hypothesis is one of a track's if the track is in its elemental subset, or near its seed and
+    agrees with it; tracks without any take over what their neighbours have; rows sum to 1.
+    ``misfit`` [P]: the least residual (pixels) from the hypotheses that are seeded around the track
+    and not made of it.
     """
-    points, view = problem.points, problem.views[index]
-    near = nearest_neighbours(points, NEIGHBOURS)
-    subsets = _places(problem.tracks, view.hypotheses.subsets)
-    assigned = problem.assignments[index]
-    usable = (subsets >= 0).all(axis=1) & (assigned >= 0)
-    modes, own = np.unique(assigned[usable], return_inverse=True)
-    votes = np.zeros((len(points), max(len(modes), 1)))
-    subsets = subsets[usable]
-    for around, hypothesis, mode in zip(
-        subsets, view.hypotheses.points[usable], own.ravel(), strict=True
-    ):
-        close = near[around[0]]
-        residuals = view.model.residuals(
-            hypothesis[None], view.observed[close], view.hypotheses.coordinates
-        )[0]
-        votes[np.union1d(around, close[residuals < _tolerance(points)]), mode] += 1
+
+    shares: Floats
+    misfit: Floats
+
+    @classmethod
+    def of_set(cls, problem: Problem, index: int) -> Company:
+        """From set ``index`` of the problem and the modes that its hypotheses climb to."""
+        points, view = problem.points, problem.views[index]
+        near = nearest_neighbours(points, AROUND)
+        subsets = _places(problem.tracks, view.hypotheses.subsets)
+        usable = (subsets >= 0).all(axis=1)
+        subsets, assigned = subsets[usable], problem.assignments[index][usable]
+        residuals = view.residuals(view.hypotheses.points[usable])
+        shares = _shares(near[:, :NEIGHBOURS], subsets, assigned, residuals < _tolerance(points))
+        np.put_along_axis(residuals, subsets, np.inf, axis=1)
+        around = np.zeros((len(points), len(points)), dtype=bool)
+        np.put_along_axis(around, near, True, axis=1)
+        own = np.where(around[:, subsets[:, 0]].T, residuals, np.inf).min(axis=0, initial=np.inf)
+        anywhere = residuals.min(axis=0, initial=np.inf)
+        return cls(shares, np.where(np.isfinite(own), own, anywhere))
+
+
+def _shares(near: Integers, subsets: Integers, assigned: Integers, agree: Flags) -> Floats:
+    """``Company.shares`` from the neighbours [P, n] and who agrees with which hypothesis [B, P]."""
+    member = np.zeros(agree.shape)
+    around = near[subsets[:, 0]]
+    np.put_along_axis(member, around, np.take_along_axis(agree, around, axis=1), axis=1)
+    np.put_along_axis(member, subsets, 1.0, axis=1)
+    modes, own = np.unique(assigned, return_inverse=True)
+    climbs = (own.ravel()[:, None] == np.arange(len(modes))) & (assigned >= 0)[:, None]
+    votes = member.T @ climbs
     nobody = ~votes.any(axis=1)
     votes[nobody] = votes[near[nobody]].sum(axis=1)
     votes[~votes.any(axis=1)] = 1.0

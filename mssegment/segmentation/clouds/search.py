@@ -8,6 +8,7 @@ from itertools import combinations
 import numpy as np
 
 from mssegment.records import Floats, Integers
+from mssegment.segmentation.clouds.company import Company
 from mssegment.segmentation.clouds.likelihood import Likelihood, membership, renumbered
 from mssegment.segmentation.selection import Problem
 
@@ -20,12 +21,15 @@ LOOSE = 1.0
 """The weight of the first search: at full weight labels hold each other fast."""
 
 
-def starts(problem: Problem, companies: Sequence[Floats]) -> list[Integers]:
-    """Partitions to begin with, two of each set: the mode that fits a track best, among those with
-    most hypotheses, and the mode to which most hypotheses of the track climb.
+def starts(problem: Problem, companies: Sequence[Company], kept: Integers) -> list[Integers]:
+    """Partitions of the tracks ``kept`` to begin with, two of each set.
+
+    The mode that fits a track best, among those with most hypotheses; and the mode to which most
+    hypotheses of the track climb.
     """
-    fitting = [_best_fitting(problem, index) for index in range(len(problem.views))]
-    return fitting + [renumbered(shares.argmax(axis=1)) for shares in companies]
+    fitting = [_best_fitting(problem, index)[kept] for index in range(len(problem.views))]
+    climbing = [one.shares[kept].argmax(axis=1) for one in companies]
+    return [renumbered(labels) for labels in fitting + climbing]
 
 
 def _best_fitting(problem: Problem, index: int) -> Integers:
@@ -33,7 +37,7 @@ def _best_fitting(problem: Problem, index: int) -> Integers:
         (mode for mode in problem.modes if mode.set == index), key=lambda mode: -mode.hypotheses
     )[:STARTS]
     residuals = problem.views[index].residuals(np.stack([mode.point for mode in modes]))
-    return renumbered(residuals.argmin(axis=0))
+    return np.asarray(residuals.argmin(axis=0))
 
 
 def partitions(likelihood: Likelihood, begin: Sequence[Integers]) -> dict[int, Integers]:
