@@ -12,7 +12,6 @@ from typing import Literal
 
 import numpy as np
 
-from mssegment.meanshift import MeanShift
 from mssegment.motions import Flags
 from mssegment.neighbours import nearest
 from mssegment.records import BACKGROUND, OUTLIER, Floats, Integers
@@ -36,6 +35,10 @@ WAVERING, NEIGHBOURS = 2.0, 8
 GRID = 8
 SAMPLE = 500
 """Displacements that the mean shift looks at."""
+CLIMBING = 100
+"""Bound on its steps."""
+NEAR_ENOUGH = 1e-4
+"""Bandwidths; a shorter step is the last one."""
 
 
 @dataclass(frozen=True)
@@ -122,10 +125,25 @@ def camera_path(points: Floats, largest: float) -> Floats:
             continue
         sample = older[np.linspace(0, len(older) - 1, min(len(older), SAMPLE)).astype(int)]
         moved = points[sample, frame] - points[sample, first[sample]] + path[first[sample]]
-        modes = MeanShift("euclidean(2)", BANDWIDTH).fit(moved).modes_
-        small = modes[np.linalg.norm(modes, axis=1) < largest]
-        path[frame] = small[0] if len(small) else path[frame - 1]
+        small = moved[np.linalg.norm(moved, axis=1) < largest]
+        path[frame] = densest(small) if len(small) else path[frame - 1]
     return path
+
+
+def densest(displacements: Floats) -> Floats:
+    """The mode of the kernel density of the displacements [n, 2] that the densest one climbs to.
+
+    One pass over all pairs; a mean shift of all of them would find modes that nobody asks for.
+    """
+    apart = displacements[:, None] - displacements
+    place = displacements[np.exp(-(apart**2).sum(axis=2) / (2 * BANDWIDTH**2)).sum(axis=1).argmax()]
+    for _ in range(CLIMBING):
+        away = ((displacements - place) ** 2).sum(axis=1)
+        weights = np.exp(-away / (2 * BANDWIDTH**2))
+        before, place = place, weights @ displacements / weights.sum()
+        if np.linalg.norm(place - before) < NEAR_ENOUGH * BANDWIDTH:
+            break
+    return np.asarray(place)
 
 
 def distances(points: Floats, path: Floats) -> Floats:
