@@ -8,7 +8,7 @@ import pytest
 from mssegment.errors import ConfigurationError, DataError
 from mssegment.manifolds import Manifold, from_name
 from mssegment.meanshift import KERNELS, MeanShift, kernel_named, mean_shift_to_convergence
-from mssegment.meanshift.ascent import shift
+from mssegment.meanshift.ascent import RELAXED, shift
 
 NAMES = ["euclidean(2)", "grassmann(3,1)", "grassmann(6,2)", "affine(2)", "special_linear(3)"]
 CLIMBING = ["euclidean(2)", "grassmann(3,1)", "grassmann(6,2)", "affine(2,exact)"]
@@ -71,6 +71,19 @@ def test_density_never_falls_where_the_gradient_is_exact(name, kernel, rng):
         step, density = shift(cloud, kernel_named(kernel), x)
         assert (density >= last - 1e-9).all()
         x, last = manifold.exp(x, step), density
+
+
+@pytest.mark.parametrize("name", CLIMBING)
+def test_relaxed_steps_climb_too(name, rng):
+    """The quadratic lower bound that a shift maximises is higher all the way to twice the shift."""
+    manifold = from_name(name)
+    points, _, _ = clusters(manifold, rng)
+    for constant in (0.5, 1.0):
+        bandwidth = MeanShift(manifold, bandwidth_constant=constant).fit(points).bandwidth_
+        cloud = manifold.cloud(points, bandwidth)
+        step, density = shift(cloud, KERNELS["gaussian"], points)
+        _, further = shift(cloud, KERNELS["gaussian"], manifold.exp(points, RELAXED * step))
+        assert (further >= density * (1 - 1e-9)).all()
 
 
 @pytest.mark.parametrize("name", CLIMBING)

@@ -3,7 +3,7 @@
 :func:`shift` is the mean shift vector; :func:`ascend` repeats it. Four savings, none of which
 changes where a trajectory arrives by more than moving its start by a hundredth of the bandwidth
 would: only what still moves is iterated; a trajectory that comes within a sixth of the bandwidth
-of a denser one follows it from there; steps go one and a half times the shift, since anything below
+of a denser one follows it from there; steps go further than the shift, since anything below
 twice climbs as surely as once; near the mode, where that converges linearly, they are stretched
 further (Barzilai and Borwein, 1988) and taken back where the density would fall.
 """
@@ -29,7 +29,7 @@ EVERY = 4
 FEWEST_PAIRS = 1 << 13
 """Where the moving ones see fewer points than this together, looking for leaders costs more than
 it saves."""
-RELAXED = 1.5
+RELAXED = 1.6
 """How far a step goes, in shifts.
 
 The shift maximises a quadratic lower bound of the density that touches it where the step begins;

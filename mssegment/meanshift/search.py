@@ -16,7 +16,7 @@ from mssegment.records import Floats, Integers
 
 FOLLOW_WITHIN = 0.15
 """A trajectory this near (in bandwidths) to a denser one follows it."""
-STRAGGLERS = 50
+STRAGGLERS = 30
 """When only one in so many still moves, the modes found so far join them on the last climb."""
 WAY_TOLERANCE, MODE_TOLERANCE = 1e-2, 3e-4
 """The distance (in bandwidths) from its mode at which a trajectory, or a mode, stands still."""
