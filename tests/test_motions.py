@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from mssegment import motions
+from mssegment.motions import turning
 from mssegment.motions.affine import is_plausible
 from mssegment.motions.derotation import find_rotation
 from mssegment.motions.translation import constraint_rows, sampson
@@ -272,3 +273,79 @@ def test_a_camera_that_only_translates_is_left_alone(rng):
 def test_mismatches_have_no_rotation(rng):
     assert find_rotation(rng.uniform(0.0, 480.0, (60, 2, 2)), CAMERA, rng) is None
     assert find_rotation(rng.uniform(0.0, 480.0, (4, 2, 2)), CAMERA, rng) is None
+
+
+def test_a_translation_goes_one_way_along_its_epipolar_lines(rng):
+    model = motions.make("translation")
+    points = exact_tracks(model, rng)
+    coordinates = model.coordinates(points, CAMERA)
+    observed = model.observe(points, coordinates)
+    fitted, sound = model.fit(observed, np.ones((1, TRACKS)))
+    assert sound.all()
+    np.testing.assert_allclose(model.residuals(fitted, observed, coordinates), 0.0, atol=1e-6)
+    # the same matches backwards lie on the same lines, but move towards the epipole
+    backwards = observed[:, ::-1]
+    moved = np.linalg.norm(points[:, 1] - points[:, 0], axis=1)
+    behind = model.residuals(fitted, backwards, coordinates)[0]
+    assert (behind > 0.5 * moved).all()
+    # the other orientation of the same line in space is their motion
+    other = model.orientations(fitted)[1:]
+    np.testing.assert_allclose(model.residuals(other, backwards, coordinates), 0.0, atol=1e-6)
+    turned, _ = model.fit(backwards, np.ones((1, TRACKS)))
+    np.testing.assert_allclose(turned, other, atol=1e-6)
+
+
+def test_displacements_are_what_a_translation_leaves_free(rng):
+    model = motions.make("translation")
+    points = exact_tracks(model, rng)
+    coordinates = model.coordinates(points, CAMERA)
+    observed = model.observe(points, coordinates)
+    fitted, _ = model.fit(observed, np.ones((1, TRACKS)))
+    moved = np.linalg.norm((observed[:, 1] - observed[:, 0]), axis=1) * coordinates.scale
+    found = model.displacements(fitted, observed, coordinates)
+    np.testing.assert_allclose(found[0], moved, rtol=1e-6)
+    assert motions.make("affine").displacements(fitted, observed, coordinates) is None
+
+
+def test_linearized_distances_agree_with_finite_differences(rng):
+    first = np.c_[rng.uniform(-0.5, 0.5, (6, 2)), np.ones(6)]
+    directions = rng.normal(size=(1, 3))
+    directions /= np.linalg.norm(directions)
+    # near the constraint, where the gradient in the denominator does not matter
+    space = first * rng.uniform(3.0, 6.0, (6, 1)) + 0.3 * directions
+    second = space / space[:, 2:]
+    still = np.eye(3)[None]
+    error, jacobian = turning.linearized(directions, still, first, second)
+    np.testing.assert_allclose(error, 0.0, atol=1e-12)
+    for k in range(5):
+        change = np.zeros((1, 5))
+        change[0, k] = 1e-6
+        ahead = turning.linearized(*turning.step(directions, still, change), first, second)[0]
+        back = turning.linearized(*turning.step(directions, still, -change), first, second)[0]
+        np.testing.assert_allclose((ahead - back) / 2e-6, jacobian[..., k], rtol=1e-5, atol=1e-7)
+
+
+def test_rotations_are_orthogonal_and_have_their_angle(rng):
+    vectors = rng.normal(size=(20, 3)) * 0.3
+    matrices = turning.rotation(vectors)
+    np.testing.assert_allclose(
+        matrices @ np.swapaxes(matrices, 1, 2), np.tile(np.eye(3), (20, 1, 1)), atol=1e-12
+    )
+    angles = np.degrees(np.linalg.norm(vectors, axis=1))
+    np.testing.assert_allclose(turning.degrees(matrices), angles, rtol=1e-9)
+    np.testing.assert_allclose((matrices @ vectors[..., None])[..., 0], vectors, atol=1e-12)
+
+
+def test_the_rotation_is_found_beside_a_large_moving_body(rng):
+    # 45 % of the matches are a body with a translation of its own
+    space = rng.uniform([-4.0, -2.0, 1.0], [4.0, 2.0, 1.0], (220, 3)) * rng.uniform(4, 20, (220, 1))
+    space[:100] = rng.uniform([1.0, -0.5, 7.0], [3.0, 0.5, 8.0], (100, 3))
+    turn = turning.rotation(np.radians([0.1, 0.5, -0.1]))
+    moved = space + np.array([0.02, 0.01, 0.6])
+    moved[:100] += [-0.35, 0.02, -0.2]
+    focal, centre = np.array([CAMERA.fx, CAMERA.fy]), np.array([CAMERA.cx, CAMERA.cy])
+    both = [s[:, :2] / s[:, 2:] * focal + centre for s in (space, moved @ turn.T)]
+    points = np.stack(both, axis=1) + rng.normal(0.0, 0.1, (220, 2, 2))
+    found = find_rotation(points, CAMERA, rng)
+    assert found is not None
+    assert turning.degrees(found.rotation @ turn) < 0.03

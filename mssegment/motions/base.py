@@ -98,6 +98,13 @@ class MotionModel(ABC):
         """
         return points
 
+    def displacements(
+        self, points: Floats, observed: Floats, coordinates: Coordinates
+    ) -> Floats | None:
+        """How far each track moved where the motions [B, ...] leave it free, pixels [B, P]."""
+        del points, observed, coordinates
+        return None
+
     def free_extent(self, observed: Floats, coordinates: Coordinates) -> float:
         """Natural log of the extent (pixels) along which a motion leaves a track free.
 

@@ -113,6 +113,14 @@ class Translation(MotionModel):
         squares = half_line_squares(*distances(points[..., 0], first, second))
         return np.asarray(np.sqrt(squares) * coordinates.scale)
 
+    def displacements(
+        self, points: Floats, observed: Floats, coordinates: Coordinates
+    ) -> Floats | None:
+        """Along the half of the epipolar line on the side of t, pixels [B, P], at least zero."""
+        first, second = rays(observed[:, 0]), rays(observed[:, 1])
+        along = distances(points[..., 0], first, second)[1]
+        return np.maximum(along * coordinates.scale, 0.0)
+
     def orientations(self, points: Floats) -> Floats:
         """t and -t: a mode is a line without a sign."""
         return np.concatenate([points, -points])

@@ -12,12 +12,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from mssegment.records import Floats, Integers
+from mssegment.segmentation.displacement import displacement_gains
 from mssegment.segmentation.likelihood import Noise
 from mssegment.segmentation.selection import View
 
 UNSOUND = 1e6
 """Pixels; stands for an infinite residual."""
-STAGES = 7
+STAGES = 5
 """Fits of a mode, each to what the one before explains."""
 
 
@@ -123,14 +124,29 @@ class Family:
             return []
         points, inliers = points[sound], inliers[sound]
         residuals = self.residuals(points)
-        return [self._made(points, self.noise.scales(residuals, inliers), residuals, modes[sound])]
+        scales = self.noise.scales(residuals, inliers)
+        return [self._made(points, scales, residuals, modes[sound], inliers)]
+
+    def gains(self, points: Floats, residuals: Floats, scales: Floats, inliers: Floats) -> Floats:
+        """Nats that each motion saves on each track, [B, P], given its ``inliers`` [B, P]."""
+        gains = self.noise.gains(residuals, scales)
+        view = self.view
+        moved = view.model.displacements(points, view.observed, view.hypotheses.coordinates)
+        if moved is None:
+            return gains
+        return gains + displacement_gains(moved, inliers, self.noise)
 
     def explained(self, residuals: Floats, scales: Floats) -> Floats:
         """Where a motion saves more than half of what it would save on a perfect fit, [B, P]."""
         return np.asarray(residuals < self.noise.half_gain(scales)[:, None], dtype=np.float64)
 
     def _made(
-        self, points: Floats, scales: Floats, residuals: Floats, modes: Integers
+        self,
+        points: Floats,
+        scales: Floats,
+        residuals: Floats,
+        modes: Integers,
+        inliers: Floats,
     ) -> Candidates:
         count = len(points)
         return Candidates(
@@ -139,7 +155,7 @@ class Family:
             tuple(points),
             scales,
             residuals,
-            self.noise.gains(residuals, scales),
+            self.gains(points, residuals, scales, inliers),
         )
 
 

@@ -57,7 +57,8 @@ def refit_once(families: Sequence[Family], current: Candidates, inliers: Floats)
         new = family.residuals(fitted[good])
         k = own[good]
         scale = family.noise.scales(new, inliers[k], scales[k])
-        residuals[k], scales[k], gains[k] = new, scale, family.noise.gains(new, scale)
+        residuals[k], scales[k] = new, scale
+        gains[k] = family.gains(fitted[good], new, scale, inliers[k])
         for place, index in zip(good, k, strict=True):
             points[index] = fitted[place]
     return Candidates(current.views, current.modes, tuple(points), scales, residuals, gains)
