@@ -6,6 +6,7 @@ motions. All is measured as what is saved against the description without any mo
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -117,10 +118,10 @@ class Description:
         family = self.families[int(chosen.views[k])]
         model, noise = family.view.model, family.noise
         body = self.places[inliers]
-        size = 2 * float(np.sqrt(((body - body.mean(axis=0)) ** 2).sum(axis=1).mean()))
-        precision = _precision(float(chosen.scales[k]), int(inliers.sum()))
+        size = 2 * float(np.linalg.norm(body - body.mean(axis=0))) / math.sqrt(len(body))
+        precision = _precision(float(chosen.scales[k]), len(body))
         shift = max(noise.extent - precision, 0.0)
-        shape = max(float(np.log(max(size, LEAST_LENGTH))) - precision, 0.0)
+        shape = max(math.log(max(size, LEAST_LENGTH)) - precision, 0.0)
         shifts = min(noise.dimension, model.parameters)
         return shifts * shift + (model.parameters - shifts) * shape
 
@@ -138,13 +139,13 @@ class Description:
         foreign = np.minimum(chosen.residuals[list(others)][:, inliers], FARTHEST)
         # the fit of k makes its residuals orthogonal to what a motion could add
         square = float(((foreign**2 - own**2) @ weights).min()) / float(weights.sum())
-        distance = 0.5 * float(np.log(max(square, LEAST_LENGTH**2)))
+        distance = 0.5 * math.log(max(square, LEAST_LENGTH**2))
         precision = _precision(scale, len(own))
-        magnitude = float(np.log1p(max(family.noise.extent - precision, 0.0)))
-        deviation = max(distance - precision, 0.0) + float(np.log(2.0))
-        return family.view.model.parameters * deviation + magnitude + float(np.log(len(chosen) - 1))
+        magnitude = math.log1p(max(family.noise.extent - precision, 0.0))
+        deviation = max(distance - precision, 0.0) + math.log(2.0)
+        return family.view.model.parameters * deviation + magnitude + math.log(len(chosen) - 1)
 
 
 def _precision(scale: float, count: int) -> float:
     """Log of the precision (pixels) to which ``count`` tracks of this scale give a parameter."""
-    return float(np.log(scale)) - 0.5 * float(np.log(count)) + QUANTUM
+    return math.log(scale) - 0.5 * math.log(count) + QUANTUM

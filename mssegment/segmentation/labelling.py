@@ -71,7 +71,7 @@ def frequency_labels(
     table = _with_outlier(gains)
     tracks = np.arange(table.shape[1])
     labels = table.argmax(axis=0)
-    if not label_cost:
+    if not label_cost or not len(gains):
         return labels, float(table[labels, tracks].sum())
     for _ in range(TURNS):
         count = np.bincount(labels, minlength=len(table))

@@ -14,7 +14,7 @@ from mssegment.segmentation.candidates import Candidates, join
 from mssegment.segmentation.description import Description
 from mssegment.segmentation.refinement import refine
 
-PROPOSALS = 4
+PROPOSALS = 3
 """Candidates that are tried as an addition; each saves on other tracks than those before."""
 MOST_MOVES = 30
 """Bound on the changes of the set; each shortens the description."""
