@@ -19,7 +19,7 @@ from mssegment.segmentation.consensus.outliers import (
 )
 from mssegment.segmentation.selection import Choice, Chosen, Problem, View
 
-DISTINCT = 47.5
+DISTINCT = 38.0
 """Two groups are two bodies if (cost of the union - cost apart) / sqrt(tracks) is above this."""
 OUTLYING = 20.0
 """A track is an outlier if its residual, over its group's median, is above this; more than that
