@@ -69,11 +69,25 @@ def neighbouring_sets(
         addition(chosen, labels, pool.take([k]), description)
         for k in proposals(chosen, pool, PROPOSALS)
     ]
+    sets += [join([chosen, one]) for one in leftovers(labels, description)]
     for j in range(len(chosen)):
         rest = chosen.take([k for k in range(len(chosen)) if k != j])
         sets.append(rest)
         sets += [join([rest, pool.take([k])]) for k in proposals(rest, pool, 1)]
     return sets
+
+
+def leftovers(labels: Integers, description: Description) -> list[Candidates]:
+    """One motion of every calibrated family fitted to all tracks without a motion.
+
+    A small body among many tracks has few hypotheses, which a mode of the static world swallows.
+    """
+    left = (labels == 0).astype(np.float64)[None]
+    found = []
+    for family in description.families:
+        if family.view.model.needs_camera:
+            found += family.fitted(left, np.array([-1]))
+    return found
 
 
 def addition(
