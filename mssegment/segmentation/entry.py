@@ -31,7 +31,7 @@ from mssegment.segmentation.selection import (
     Selection,
     View,
 )
-from mssegment.special import gamma_quantile
+from mssegment.special import chi_square_quantile
 
 BANDWIDTH_CONSTANT = 1.0
 """Times the median distance to the (0.05 n)-th nearest hypothesis: the bandwidth ``auto``."""
@@ -239,7 +239,7 @@ def _noise_limit(residuals: Floats, dimension: int) -> float:
     """What ``TAIL`` of the residuals of a normal noise with the median of these would exceed."""
     if not len(residuals):
         return 0.0
-    tail, half = (gamma_quantile(dimension / 2, share) for share in (1 - TAIL, 0.5))
+    tail, half = (chi_square_quantile(dimension, share) for share in (1 - TAIL, 0.5))
     return float(np.median(residuals) * np.sqrt(tail / half))
 
 

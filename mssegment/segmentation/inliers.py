@@ -17,7 +17,7 @@ import numpy as np
 from mssegment.motions import Flags, MotionModel
 from mssegment.records import Floats
 from mssegment.segmentation.selection import View
-from mssegment.special import gamma_quantile, trigamma
+from mssegment.special import chi_square_quantile, trigamma_of_half
 
 GRID = 0.02
 """Step of the grid of log residuals (2 % of a residual)."""
@@ -46,7 +46,7 @@ def log_spread(dimension: int) -> float:
     That is sqrt(psi'(c/2)) / 2 for c dimensions. One-dimensional noise has a long tail towards
     zero, but the flank that the minimum bounds is no wider than in two dimensions.
     """
-    return 0.5 * float(np.sqrt(trigamma(max(dimension, 2) / 2)))
+    return 0.5 * float(np.sqrt(trigamma_of_half(max(dimension, 2))))
 
 
 def first_minimum(residuals: Floats, dimension: int, least: int) -> float:
@@ -108,7 +108,7 @@ def _chi_density(x: Floats, c: int) -> Floats:
 
 
 def _chi_median(c: int) -> float:
-    return float(np.sqrt(2.0 * gamma_quantile(c / 2, 0.5)))
+    return float(np.sqrt(chi_square_quantile(c, 0.5)))
 
 
 def fit_within(view: View, point: Floats, cut: float) -> Fitted | None:
