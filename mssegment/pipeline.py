@@ -185,7 +185,9 @@ def _draw_sets(
     rng = _random("hypothesize", configuration)
     model = _model(configuration, frames)
     if uses_consensus(configuration.cluster.method, model, frames):
-        return draw_consensus_sets(points, rng, eligible=eligible, static=background.found)
+        return draw_consensus_sets(
+            points, rng, eligible=eligible, static=background.found, rank=settings.rank
+        )
     if model == "factorization" and frames >= AUTO_FRAMES:
         return draw_long_sets(
             points,

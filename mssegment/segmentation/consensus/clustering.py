@@ -76,7 +76,7 @@ def cluster_by_consensus(
     if any(entry.model == "affine" for entry in usable):
         return _objects(own, usable, chosen, (least, motions or len(points)))
     misfits, memberships = Misfit(own), CoMemberships(len(points))
-    for entry in usable:
+    for entry in _of_the_highest_rank(usable):
         seen, squared = residuals_of(own, entry)
         misfits.add(entry, seen, squared)
         memberships.add(entry, seen, squared)
@@ -190,6 +190,16 @@ def _by_size(labels: Integers) -> Integers:
     for number, name in enumerate(names[np.argsort(-sizes, kind="stable")], 1):
         numbered[labels == name] = number
     return numbered
+
+
+def _of_the_highest_rank(sets: Sequence[HypothesisSet]) -> list[HypothesisSet]:
+    """The sets without subspaces of a lower rank than others have: a general body fits none."""
+    ranks = [entry.points.shape[-1] for entry in sets if entry.model == "factorization"]
+    return [
+        entry
+        for entry in sets
+        if entry.model != "factorization" or entry.points.shape[-1] == max(ranks)
+    ]
 
 
 def _check(sets: Sequence[HypothesisSet]) -> None:

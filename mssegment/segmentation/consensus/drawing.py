@@ -1,12 +1,14 @@
 """The hypotheses that consensus reads: several sets, on frame pairs and on whole tracks.
 
-Where most tracks are complete: planar patches between frame pairs, and rank-4 subspaces over all
-frames. Where tracks begin and end anywhere: homographies and fundamental matrices between frame
-pairs, each with the tracks that both of its frames see. Before a camera that stands still: affine
-motions between frames far apart. Nothing is invented where a track is not seen.
+Where most tracks are complete: planar patches between frame pairs, and subspaces over all frames.
+Where tracks begin and end anywhere: homographies and fundamental matrices between frame pairs, each
+with the tracks that both of its frames see. Before a camera that stands still: affine motions
+between frames far apart. Nothing is invented where a track is not seen.
 """
 
 from __future__ import annotations
+
+from typing import Literal
 
 import numpy as np
 
@@ -14,7 +16,7 @@ from mssegment.errors import DataError
 from mssegment.hypotheses import nearest_neighbours
 from mssegment.motions import Flags
 from mssegment.records import Floats, HypothesisSet, Integers
-from mssegment.segmentation.consensus.evidence import EVIDENCE, Evidence
+from mssegment.segmentation.consensus.evidence import EVIDENCE, Evidence, Subspace
 from mssegment.segmentation.consensus.outliers import first_test, two_frame_misfit
 
 COMPLETE = 0.75
@@ -36,6 +38,8 @@ PER_LONG_PAIR = 400
 """The same before a static camera: a small object must be the seed of some."""
 WHOLE = 1000
 """Hypotheses over all frames."""
+WHOLE_BESIDE = 300
+"""The same of a rank that is no evidence: they tell the density about a motion."""
 LOCAL = 0.7
 """Share of the subsets that are a seed and its neighbours; the others are drawn anywhere."""
 NEIGHBOURS = 24
@@ -51,11 +55,14 @@ def draw_consensus_sets(
     *,
     eligible: Flags | None = None,
     static: bool = False,
+    rank: int | Literal["auto"] = "auto",
 ) -> list[HypothesisSet]:
     """Hypothesis sets for the tracks ``points`` [P, F, 2] (pixels, NaN where not seen).
 
     ``eligible`` [P] excludes tracks (background); ``static`` says that the camera stands still and
-    the background is excluded. Raises DataError for fewer than two frames, or where no two frames
+    the background is excluded. ``rank`` (3 planar, 4 general) is that of the subspaces over all
+    frames; ``auto`` draws general ones as evidence and some planar ones to tell which motions are
+    planar. Raises DataError for fewer than two frames, or where no two frames
     share FEWEST tracks.
     """
     frames = points.shape[1]
@@ -69,12 +76,14 @@ def draw_consensus_sets(
         return _draw_pairs(points, seen, ("affine",), _long_pairs(frames, lengths), rng)
     complete = seen.all(axis=1)
     if complete.sum() >= max(COMPLETE * seen.any(axis=1).sum(), FEWEST):
-        return _draw_complete(points, seen, rng)
+        return _draw_complete(points, seen, (4, 3) if rank == "auto" else (rank,), rng)
     pairs = _short_pairs(frames, lengths)
     return _draw_pairs(points, seen, ("homography", "fundamental"), pairs, rng)
 
 
-def _draw_complete(points: Floats, seen: Flags, rng: np.random.Generator) -> list[HypothesisSet]:
+def _draw_complete(
+    points: Floats, seen: Flags, ranks: tuple[int, ...], rng: np.random.Generator
+) -> list[HypothesisSet]:
     frames = points.shape[1]
     complete = np.flatnonzero(seen.all(axis=1))
     near = nearest_neighbours(points[complete], NEIGHBOURS)
@@ -88,7 +97,9 @@ def _draw_complete(points: Floats, seen: Flags, rng: np.random.Generator) -> lis
     trusted = complete[first_test(points[complete], two_frame_misfit(points, sets)[complete])]
     near = nearest_neighbours(points[trusted], NEIGHBOURS)
     every = tuple(range(frames))
-    sets.append(_draw_set(EVIDENCE["factorization"], points, trusted, near, every, WHOLE, rng))
+    for place, rank in enumerate(ranks):
+        count = WHOLE_BESIDE if place else WHOLE
+        sets.append(_draw_set(Subspace(rank), points, trusted, near, every, count, rng))
     return sets
 
 

@@ -20,7 +20,7 @@ class Evidence(ABC):
     """One kind of hypothesis, on two frames or on all of them."""
 
     name: ClassVar[str]
-    subset_size: ClassVar[int]
+    subset_size: int
     near: ClassVar[int]
     """The subset comes from a seed and so many of its nearest tracks."""
     share: ClassVar[float]
@@ -51,7 +51,7 @@ class Flat(Evidence):
     """
 
     name: ClassVar[str] = "flat"
-    subset_size: ClassVar[int] = 3
+    subset_size = 3
     near: ClassVar[int] = 12
     share: ClassVar[float] = 0.1
 
@@ -80,24 +80,29 @@ class Flat(Evidence):
 
 
 class Subspace(Evidence):
-    """A body under an affine camera over all frames: rank 4, a point of G(2F,4)."""
+    """A body under an affine camera over all frames: a point of G(2F,4), of G(2F,3) if planar."""
 
     name: ClassVar[str] = "factorization"
-    subset_size: ClassVar[int] = 4
     near: ClassVar[int] = 12
     share: ClassVar[float] = 0.05
 
+    def __init__(self, rank: int = 4) -> None:
+        """``rank`` 3 planar, 4 general; hypotheses of any rank can be read."""
+        self.subset_size = rank
+
     def manifold(self, frames: int) -> str:
-        """G(2F,4)."""
-        return f"grassmann({2 * frames},4)"
+        """G(2F,rank)."""
+        return f"grassmann({2 * frames},{self.subset_size})"
 
     def coordinates(self, points: Floats) -> Coordinates:
         """One origin for all frames, as the motion model ``factorization`` has it."""
-        return motions.make("factorization", frames=points.shape[1], rank=4).coordinates(points)
+        return motions.make(
+            "factorization", frames=points.shape[1], rank=self.subset_size
+        ).coordinates(points)
 
     def fit(self, samples: Floats) -> tuple[Floats, Flags]:
-        """The span of four tracks."""
-        vectors = np.swapaxes(samples.reshape(len(samples), 4, -1), 1, 2)
+        """The span of the tracks of each subset."""
+        vectors = np.swapaxes(samples.reshape(len(samples), self.subset_size, -1), 1, 2)
         basis, triangle = np.linalg.qr(vectors)
         sizes = np.abs(np.diagonal(triangle, axis1=1, axis2=2))
         return basis, np.asarray(sizes.min(axis=1) > 1e-6 * sizes.max(axis=1))
@@ -115,7 +120,7 @@ class AffineMap(Evidence):
     """A body that hardly turns, far away: an affine motion between two frames, a point of A(2)."""
 
     name: ClassVar[str] = "affine"
-    subset_size: ClassVar[int] = 3
+    subset_size = 3
     near: ClassVar[int] = 12
     share: ClassVar[float] = 0.1
 
@@ -137,7 +142,7 @@ class PlaneMap(Evidence):
     """A plane under a perspective camera: a homography between two frames, a point of SL(3)."""
 
     name: ClassVar[str] = "homography"
-    subset_size: ClassVar[int] = 4
+    subset_size = 4
     near: ClassVar[int] = 14
     share: ClassVar[float] = 0.1
 
@@ -162,7 +167,7 @@ class Epipolar(Evidence):
     """A rigid body under a perspective camera: a fundamental matrix up to scale, on G(9,1)."""
 
     name: ClassVar[str] = "fundamental"
-    subset_size: ClassVar[int] = 8
+    subset_size = 8
     near: ClassVar[int] = 24
     share: ClassVar[float] = 0.1
 

@@ -42,6 +42,8 @@ MODE_SAMPLE = 300
 """So many hypotheses of a set tell the density; the bandwidth needs half of them."""
 TOLERANCE, MOST_STEPS = 1e-2, 200
 """Mean shift ends when the shift is below so many bandwidths, or after so many steps."""
+PLANAR = 1.25
+"""A motion is planar if rank 3 leaves at most so many times the residual of rank 4."""
 REWEIGHTINGS = 5
 """Rounds of the robust fit of a motion to its group."""
 
@@ -93,10 +95,14 @@ def segment_by_consensus(
     labels = np.where(judged, found.labels, status).astype(np.int64)
     count = int(labels.max(initial=0))
     seen = [_seen(points, entry) for entry in sets]
-    chosen = [_set_of(labels == label, sets, seen) for label in range(1, count + 1)]
     results = [
-        _motion(label, place, points, sets[place], labels)
-        for label, place in enumerate(chosen, start=1)
+        _of_the_lowest_rank(
+            [
+                _motion(label, place, points, sets[place], labels)
+                for place in _sets_of(labels == label, sets, seen)
+            ]
+        )
+        for label in range(1, count + 1)
     ]
     found_motions = tuple(motion for motion, _ in results)
     modes, bandwidths, assignments = _modes(sets, found_motions, labels, bandwidth, kernel, rng)
@@ -118,15 +124,28 @@ def _seen(points: Floats, entry: HypothesisSet) -> np.ndarray[tuple[int], np.dty
     return np.asarray(np.isfinite(points[:, list(entry.frames)]).all(axis=(1, 2)))
 
 
-def _set_of(
+def _of_the_lowest_rank(fits: Sequence[tuple[Motion, Floats]]) -> tuple[Motion, Floats]:
+    """The fit of the lowest rank that explains a group nearly as well as the best does."""
+    least = min(motion.rms for motion, _ in fits)
+    sound = [fit for fit in fits if fit[0].rms <= PLANAR * least]
+    return min(sound, key=lambda fit: fit[0].parameters.shape[-1])
+
+
+def _sets_of(
     members: np.ndarray[tuple[int], np.dtype[np.bool_]],
     sets: Sequence[HypothesisSet],
     seen: Sequence[np.ndarray[tuple[int], np.dtype[np.bool_]]],
-) -> int:
-    """The set on which a group's motion is reported; whole tracks first, then the most tracks."""
+) -> list[int]:
+    """The sets on which a group's motion may be reported.
+
+    Whole tracks first, of every rank drawn; then the frame pair that sees the most tracks.
+    """
     usable = [i for i, entry in enumerate(sets) if entry.model in models.MODELS]
     usable = usable or list(range(len(sets)))
-    return max(usable, key=lambda i: (len(sets[i].frames), int((members & seen[i]).sum()), -i))
+    best = max(usable, key=lambda i: (len(sets[i].frames), int((members & seen[i]).sum()), -i))
+    return [
+        i for i in usable if sets[i].frames == sets[best].frames and len(sets[i].frames) > 2
+    ] or [best]
 
 
 def _model_of(entry: HypothesisSet) -> MotionModel:
