@@ -12,7 +12,8 @@ from statistics import NormalDist
 def chi_square_quantile(freedom: int, share: float) -> float:
     """What the sum of ``freedom`` squared standard normal numbers stays below with this chance.
 
-    Exact for one and two degrees of freedom, else to a few per cent in the tail (Wilson and Hilferty, 1931).
+    Exact for one and two degrees of freedom, else to a few per cent in the tail (Wilson and
+    Hilferty, 1931).
     """
     if freedom == 1:
         return NormalDist().inv_cdf((1.0 + share) / 2.0) ** 2
