@@ -48,8 +48,8 @@ class Description:
     bend must not pass for two planes.
 
     With ``differences`` a motion may be stated by its difference from a larger one, so that bodies
-    that move almost alike are not taken for one. (Not where the parts of one wall move almost
-    alike.)
+    that move almost alike are not taken for one. (Not where misfits are smooth inside a body, or
+    the parts of one wall move almost alike.)
     """
 
     families: Sequence[Family]

@@ -123,6 +123,8 @@ def describe_tracks(problem: Problem, families: Sequence[Family], recipe: Recipe
     apart = problem.granularity == "surface" or (exact and not smooth)
     nearest = nearest_neighbours(problem.points, NEIGHBOURS) if apart else None
     walls = has_walls(problem)
+    # parallax, and a tracker's drift over many frames, are smooth inside a body: no second motion
+    rigid = problem.granularity == "surface" and problem.points.shape[1] == 2
     return Description(
         families,
         problem.points[:, 0],
@@ -132,7 +134,7 @@ def describe_tracks(problem: Problem, families: Sequence[Family], recipe: Recipe
         label_cost=recipe.label_cost,
         nearest=nearest,
         trust=TRUST if walls else 1.0,
-        differences=recipe.differences and apart and not walls,
+        differences=recipe.differences and rigid and not walls,
     )
 
 
