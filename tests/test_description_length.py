@@ -287,3 +287,13 @@ def test_auto_says_what_it_chose() -> None:
     assert any(note.startswith("granularity auto:") for note in found.notes)
     assert any(note.startswith("models chosen:") for note in found.notes)
     assert misclassification(found.labels, labels) <= 0.05
+
+
+def test_drift_inside_a_body_is_no_second_motion() -> None:
+    """A tracker's drift over several frames is smooth, and differs across a body."""
+    rng = np.random.default_rng(0)
+    first = rng.uniform(0, 300, (250, 1, 2))
+    points = first + np.arange(5)[:, None] * np.array([8.0, 3.0])
+    bend = 0.1 * np.sin(first[..., :1] / 40) * np.arange(5)[None, :, None]
+    points = points + bend + rng.normal(0, 0.1, points.shape)
+    assert len(segment(points, "factorization", granularity="surface").motions) == 1
