@@ -92,7 +92,7 @@ def hypothesize(
         _sample(
             _scene(motions.make(n, frames=frames, rank=rank), points, usable, camera, rotation),
             # of two sets the first finds the bodies; the second need not be as dense
-            FEWEST if count == "auto" and n != names[0] else count,
+            FEWEST // 2 if count == "auto" and n != names[0] else count,
             sampling,
             rng,
         )
