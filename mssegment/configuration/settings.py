@@ -162,7 +162,10 @@ class SegmentSettings(Section, frozen=True):
     min_motions: Annotated[int, Meta(ge=0, description="At least so many motions.")] = 0
     granularity: Annotated[
         Literal["object", "surface", "auto"],
-        Meta(description="object: parallax is noise, faces of a body are one; surface: each plane counts."),
+        Meta(
+            description="object: parallax is noise, faces of a body are one; surface: each plane "
+            "counts."
+        ),
     ] = "object"
 
 
