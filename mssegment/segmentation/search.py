@@ -3,13 +3,19 @@
 It starts with the candidates that save most, one after the other; then, as long as the description
 gets shorter, it changes the set by the best of a few moves (add, remove, exchange a motion), each
 followed by joint refitting, without which a motion that has swallowed another hides what it hides.
+Where none of them helps, bodies are cut by where their tracks lie: a motion fitted to two bodies
+is too good a compromise for either of them to enter while it is there, whatever the candidates.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from itertools import combinations_with_replacement
+
 import numpy as np
 
-from mssegment.records import Integers
+from mssegment.motions import Flags
+from mssegment.records import Floats, Integers
 from mssegment.segmentation.candidates import Candidates, join
 from mssegment.segmentation.description import Description
 from mssegment.segmentation.refinement import refine
@@ -40,12 +46,24 @@ def improve(chosen: Candidates, pool: Candidates, description: Description) -> C
     """Changes the set by the best move until no move shortens the description."""
     chosen, best = refitted(chosen, description)
     for _ in range(MOST_MOVES):
-        sets = refine(description, neighbouring_sets(chosen, pool, description))
-        values = [description.saved(one) for one in sets]
-        if not values or max(values) <= best + IMPROVEMENT:
+        better = best_of(neighbouring_sets(chosen, pool, description), best, description)
+        if better is None:
+            better = best_of(cut_sets(chosen, description), best, description)
+        if better is None:
             break
-        chosen, best = refitted(sets[int(np.argmax(values))], description)
+        chosen, best = refitted(better, description)
     return chosen
+
+
+def best_of(
+    sets: Sequence[Candidates], least: float, description: Description
+) -> Candidates | None:
+    """The one of ``sets`` that saves most once refitted, if that is more than ``least``."""
+    sets = refine(description, sets)
+    values = [description.saved(one) for one in sets]
+    if not values or max(values) <= least + IMPROVEMENT:
+        return None
+    return sets[int(np.argmax(values))]
 
 
 def refitted(chosen: Candidates, description: Description) -> tuple[Candidates, float]:
@@ -75,6 +93,48 @@ def neighbouring_sets(
         sets.append(rest)
         sets += [join([rest, pool.take([k])]) for k in proposals(rest, pool, 1)]
     return sets
+
+
+def cut_sets(chosen: Candidates, description: Description) -> list[Candidates]:
+    """All sets with one motion cut in two, or with two motions of one model cut afresh.
+
+    None of walls, which meet at an edge and do not lie apart.
+    """
+    if description.trust < 1:
+        return []
+    labels = description.labels(chosen)
+    sets = []
+    for i, j in combinations_with_replacement(range(len(chosen)), 2):
+        family = description.families[int(chosen.views[i])]
+        halves = cut((labels == i + 1) | (labels == j + 1), description.places)
+        too_small = halves.sum(axis=1).min() <= family.view.model.subset_size
+        if too_small or chosen.views[j] != chosen.views[i]:
+            continue
+        rest = chosen.take([k for k in range(len(chosen)) if k not in (i, j)])
+        for both in family.fitted(halves, chosen.modes[[i, j]]):
+            if len(both) == 2:
+                sets.append(join([rest, both]))
+    return sets
+
+
+def cut(tracks: Flags, places: Floats) -> Floats:
+    """The ``tracks`` [P] in two halves, [2, P] (0 or 1), that lie apart: two means of ``places``.
+
+    They start on either side of the mean, along the direction in which the tracks spread most.
+    """
+    own = np.flatnonzero(tracks)
+    away = places[own] - places[own].sum(axis=0) / max(len(own), 1)
+    far = away @ np.linalg.eigh(away.T @ away)[1][:, -1] > 0
+    for _ in range(MOST_REFITS):
+        if far.all() or not far.any():
+            break
+        square = [((away - away[half].mean(axis=0)) ** 2).sum(axis=1) for half in (far, ~far)]
+        before, far = far, square[0] < square[1]
+        if (far == before).all():
+            break
+    halves = np.zeros((2, len(tracks)))
+    halves[0, own[~far]] = halves[1, own[far]] = 1.0
+    return halves
 
 
 def leftovers(labels: Integers, description: Description) -> list[Candidates]:
