@@ -225,9 +225,13 @@ class _GroupView(View):
 
 
 def gauss_legendre(nodes: int) -> list[tuple[float, float]]:
-    """Abscissae and weights of Gauss-Legendre quadrature on [0, 1]."""
-    t, w = np.polynomial.legendre.leggauss(nodes)
-    return list(zip((0.5 + 0.5 * t).tolist(), (0.5 * w).tolist(), strict=True))
+    """Abscissae and weights of Gauss-Legendre quadrature on [0, 1] (Golub and Welsch, 1969).
+
+    From eigenvalues and vectors of the recurrence, without loading ``numpy.polynomial``.
+    """
+    k = np.arange(1.0, nodes)
+    t, vectors = np.linalg.eigh(np.diag(k / np.sqrt(4.0 * k * k - 1.0), -1))
+    return list(zip((0.5 + 0.5 * t).tolist(), (vectors[0] ** 2).tolist(), strict=True))
 
 
 def _inverse(x: Floats) -> Floats:

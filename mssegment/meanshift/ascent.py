@@ -11,9 +11,8 @@ further (Barzilai and Borwein, 1988) and taken back where the density would fall
 from __future__ import annotations
 
 from collections.abc import Callable
-from concurrent.futures import Executor
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
@@ -21,6 +20,9 @@ import numpy.typing as npt
 from mssegment.manifolds import Cloud, Manifold
 from mssegment.meanshift.kernels import Kernel
 from mssegment.records import Floats, Integers
+
+if TYPE_CHECKING:
+    from concurrent.futures import Executor  # loads logging
 
 Mask = npt.NDArray[np.bool_]
 

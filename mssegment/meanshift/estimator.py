@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from concurrent.futures import ThreadPoolExecutor
-from contextlib import nullcontext
+from contextlib import AbstractContextManager, nullcontext
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -15,6 +15,9 @@ from mssegment.meanshift.kernels import kernel_named
 from mssegment.meanshift.large import SAMPLE, find_by_sample
 from mssegment.meanshift.search import Found, Search
 from mssegment.records import Floats, Integers
+
+if TYPE_CHECKING:
+    from concurrent.futures import Executor
 
 
 class MeanShift:
@@ -93,7 +96,7 @@ class MeanShift:
             raise DataError("mean shift needs at least 1 hypothesis, found none")
         self.manifold.check_point(points)
         self.bandwidth_ = self._choose_bandwidth(points, rng)
-        with ThreadPoolExecutor(self.threads) if self.threads > 1 else nullcontext() as pool:
+        with _pool(self.threads) as pool:
             search = Search(
                 self.manifold,
                 kernel_named(self.kernel),
@@ -150,3 +153,11 @@ class MeanShift:
             if label >= 0:
                 paths[i].append(self.modes_[label])
         return [np.stack(path) for path in paths]
+
+
+def _pool(threads: int) -> AbstractContextManager[Executor | None]:
+    if threads <= 1:
+        return nullcontext()
+    from concurrent.futures import ThreadPoolExecutor  # loads logging
+
+    return ThreadPoolExecutor(threads)

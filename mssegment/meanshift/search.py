@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from concurrent.futures import Executor
 from dataclasses import dataclass
 from functools import partial
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -13,6 +13,9 @@ from mssegment.meanshift.ascent import Ascent, Mask, Thin, ascend, follow
 from mssegment.meanshift.kernels import Kernel
 from mssegment.meanshift.modes import merge
 from mssegment.records import Floats, Integers
+
+if TYPE_CHECKING:
+    from concurrent.futures import Executor
 
 FOLLOW_WITHIN = 0.15
 """A trajectory this near (in bandwidths) to a denser one follows it."""
