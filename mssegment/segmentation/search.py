@@ -98,17 +98,16 @@ def neighbouring_sets(
 def cut_sets(chosen: Candidates, description: Description) -> list[Candidates]:
     """All sets with one motion cut in two, or with two motions of one model cut afresh.
 
-    None of walls, which meet at an edge and do not lie apart.
+    Only of motions that leave their tracks something free: such a one may fit two bodies well.
     """
-    if description.trust < 1:
-        return []
     labels = description.labels(chosen)
     sets = []
     for i, j in combinations_with_replacement(range(len(chosen)), 2):
         family = description.families[int(chosen.views[i])]
+        if family.noise.free <= 0 or chosen.views[j] != chosen.views[i]:
+            continue
         halves = cut((labels == i + 1) | (labels == j + 1), description.places)
-        too_small = halves.sum(axis=1).min() <= family.view.model.subset_size
-        if too_small or chosen.views[j] != chosen.views[i]:
+        if halves.sum(axis=1).min() <= family.view.model.subset_size:
             continue
         rest = chosen.take([k for k in range(len(chosen)) if k not in (i, j)])
         for both in family.fitted(halves, chosen.modes[[i, j]]):
