@@ -19,6 +19,7 @@ import cv2
 import numpy as np
 from scipy.io import loadmat
 
+from mssegment.datasets.adelaidermf import group_of
 from mssegment.imaging.corners import detect_all
 from mssegment.imaging.matching import match
 from mssegment.records import Floats
@@ -128,9 +129,10 @@ def main() -> None:
     methods: dict[str, Method] = {"sift": sift}
     for method in options.methods.split(","):
         methods[method] = functools.partial(ours, method=method)
-    rows = [measure(path, methods, options.runs) for path in sorted(options.folder.glob("*.mat"))]
-    if not rows:
-        raise SystemExit(f"{options.folder}: no .mat files")
+    paths = [path for path in options.folder.glob("**/*.mat") if group_of(path.stem) == "motion"]
+    if not paths:
+        raise SystemExit(f"{options.folder}: no .mat files of moving objects")
+    rows = [measure(path, methods, options.runs) for path in sorted(paths)]
     if options.json:
         print(json.dumps({"pairs": rows, "mean": mean_of(rows, list(methods))}, indent=1))
     else:
