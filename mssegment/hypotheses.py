@@ -16,7 +16,7 @@ import numpy as np
 from mssegment import motions
 from mssegment.errors import DataError, UsageError
 from mssegment.motions import Flags, MotionModel
-from mssegment.neighbours import nearest
+from mssegment.neighbours import nearest_others
 from mssegment.records import Camera, Coordinates, Floats, HypothesisSet, Integers
 
 Count = int | Literal["auto"]
@@ -114,12 +114,7 @@ def neighbour_space(points: Floats) -> Floats:
 
 def nearest_neighbours(points: Floats, count: int) -> Integers:
     """The ``count`` nearest other tracks of each track [P, F, 2], nearest first, [P, count]."""
-    space = neighbour_space(points)
-    _, found = nearest(space, space, min(count, len(space) - 1) + 1)
-    # of identical tracks another one may come first: drop the track itself wherever it is
-    itself = found == np.arange(len(space))[:, None]
-    itself[~itself.any(axis=1), -1] = True
-    return np.asarray(found[~itself].reshape(len(space), -1), dtype=np.int64)
+    return nearest_others(neighbour_space(points), count)
 
 
 def _check_arguments(

@@ -53,6 +53,23 @@ def nearest(
     return distance, index
 
 
+def nearest_others(points: npt.ArrayLike, count: int) -> Integers:
+    """The ``count`` nearest other ``points`` [n, d] of each, nearest first; fewer of few points.
+
+    Of points in one place another one may come first; a point is never its own neighbour.
+    """
+    space = np.asarray(points, dtype=np.float64)
+    found = nearest(space, space, min(count, len(space) - 1) + 1)[1]
+    return without(found, np.arange(len(space)))
+
+
+def without(found: Integers, own: Integers) -> Integers:
+    """The indices ``found`` [m, k + 1] without ``own`` [m], or without the last, [m, k]."""
+    itself = found == own[:, None]
+    itself[~itself.any(axis=1), -1] = True
+    return np.asarray(found[~itself].reshape(len(found), -1), dtype=np.int64)
+
+
 def pairs_within(points: npt.ArrayLike, radius: float) -> Integers:
     """The pairs [k, 2] of ``points`` [n, 2], all finite, that are at most ``radius`` apart.
 

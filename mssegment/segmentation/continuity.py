@@ -13,7 +13,7 @@ from itertools import combinations
 
 import numpy as np
 
-from mssegment.neighbours import nearest
+from mssegment.neighbours import nearest_others
 from mssegment.records import Floats, Integers
 from mssegment.segmentation.candidates import Candidates, join
 from mssegment.segmentation.description import Description
@@ -62,7 +62,7 @@ def continuous(
     """The pairs of motions, indices into ``chosen``, that go over into each other."""
     kept = np.flatnonzero(labels > 0)
     places = problem.points[kept, 0]
-    near = _neighbours(places)
+    near = nearest_others(places, NEIGHBOURS)
     parallax = description.families[0].noise.parallax[kept]
     found = []
     for a, b in combinations(range(len(chosen)), 2):
@@ -102,14 +102,6 @@ def _transferred(problem: Problem, chosen: Candidates, k: int, places: Floats) -
     image = rays @ matrix.T
     with np.errstate(divide="ignore", invalid="ignore"):
         return np.asarray(scale * image[..., :2] / image[..., 2:] + coordinates.centres[1])
-
-
-def _neighbours(places: Floats) -> Integers:
-    """The nearest other places of each place [n, 2], [n, k]."""
-    _, found = nearest(places, places, min(NEIGHBOURS, len(places) - 1) + 1)
-    itself = found == np.arange(len(places))[:, None]
-    itself[~itself.any(axis=1), -1] = True
-    return np.asarray(found[~itself].reshape(len(places), -1), dtype=np.int64)
 
 
 def _saving_most(tried: Candidates, tracks: Floats) -> Candidates:

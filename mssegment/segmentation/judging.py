@@ -10,7 +10,7 @@ from mssegment import motions as models
 from mssegment.motions import MotionModel
 from mssegment.records import OUTLIER, Floats, HypothesisSet, Integers, Motion, Segmentation
 from mssegment.segmentation.granularity import LEAST_SCALE
-from mssegment.segmentation.likelihood import DEGREES_OF_FREEDOM
+from mssegment.segmentation.likelihood import Noise
 
 REACH = 6.0
 """Standard deviations of a motion's residuals beyond which no track is judged to be its."""
@@ -44,8 +44,10 @@ def judge(points: Floats, sets: Sequence[HypothesisSet], found: Segmentation) ->
 
 
 def _cost(model: MotionModel, motion: Motion, residuals: Floats) -> Floats:
-    """Minus the log of share times likelihood (Student t, as ``likelihood`` has it), nats [P]."""
-    nu, c = DEGREES_OF_FREEDOM, model.residual_dimension
+    """Minus the log of share times likelihood (``likelihood``), nats [P]."""
     scale = max(motion.scale, LEAST_SCALE)
-    spread = (nu + c) / 2 * np.log1p(model.residual_terms * residuals**2 / (nu * scale**2))
-    return np.asarray(c * np.log(scale) + spread - np.log(len(motion.inliers)))
+    noise = Noise(
+        model.residual_dimension, model.residual_terms, scale, scale, 0.0, 0.0, np.zeros(0)
+    )
+    gains = noise.gains(residuals[None], np.array([scale]))[0]
+    return np.asarray(-gains - np.log(len(motion.inliers)))

@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 
 from mssegment.motions import Flags
-from mssegment.neighbours import nearest
+from mssegment.neighbours import nearest, without
 from mssegment.records import Floats, Integers
 
 TURNS = 12
@@ -54,10 +54,7 @@ class Neighbourhood:
         if len(short):
             others = np.flatnonzero(assigned)
             place = nearest(self._space[others], self._space[short], count + 1)[1]
-            near = others[place]
-            itself = near == short[:, None]
-            itself[~itself.any(axis=1), -1] = True
-            found[short] = near[~itself].reshape(len(short), count)
+            found[short] = without(others[place], short)
         return found
 
 
