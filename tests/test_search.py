@@ -5,10 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from benchmarks.scenes import CAMERA, SETUPS, generate
-from mssegment.evaluation import misclassification
-from mssegment.hypotheses import hypothesize
-from mssegment.segmentation import cluster
+from benchmarks.paper import run_scene
+from benchmarks.scenes import SETUPS
 from mssegment.segmentation.search import cut
 
 
@@ -31,16 +29,6 @@ def test_few_tracks_and_tracks_in_one_place_are_cut_without_harm(count: int) -> 
 @pytest.mark.parametrize("seed", [10, 140, 193])
 def test_a_motion_that_fits_two_bodies_does_not_hide_them(seed: int) -> None:
     # scenes in which one translation fits two bodies, and the candidates of both fit them worse
-    setup = SETUPS["fig2"]
-    scene = generate(setup, seed)
-    sets = hypothesize(
-        scene.points,
-        model=setup.model,
-        camera=CAMERA,
-        count=setup.hypotheses,
-        derotate=False,
-        rng=np.random.default_rng([seed, 1]),
-    )
-    found = cluster(scene.points, sets, granularity="surface", rng=np.random.default_rng([seed, 2]))
-    assert len(found.motions) == 3
-    assert misclassification(found.labels, scene.labels) <= 0.05
+    outcome = run_scene(SETUPS["fig2"], seed, "mdl", "surface")
+    assert outcome.count_right
+    assert outcome.unknown <= 0.05

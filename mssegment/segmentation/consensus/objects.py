@@ -70,8 +70,8 @@ class Objects:
             labels[labels == gone] = kept
         names, sizes = np.unique(labels, return_counts=True)
         found = np.zeros(self._size, dtype=np.int64)
-        for number, name in enumerate(names[sizes >= FEWEST], start=1):
-            found[labels == name] = number
+        for label, name in enumerate(names[sizes >= FEWEST], start=1):
+            found[labels == name] = label
         return found
 
 
