@@ -2,7 +2,7 @@
 
 :func:`shift` is the mean shift vector; :func:`ascend` repeats it. Four savings, none of which
 changes where a trajectory arrives by more than moving its start by a hundredth of the bandwidth
-would: only what still moves is iterated; a trajectory that comes within a sixth of the bandwidth
+would: only what still moves is iterated; a trajectory that comes within 0.15 of the bandwidth
 of a denser one follows it from there; steps go further than the shift, since anything below
 twice climbs as surely as once; near the mode, where that converges linearly, they are stretched
 further (Barzilai and Borwein, 1988) and taken back where the density would fall.
