@@ -2,12 +2,12 @@
 
 These types are the only place where a setting is defined; the command line, config.yaml, the
 environment, `mssegment init` and the table in the README are made from them.
+
+Annotations are evaluated with the classes here, since all of them are looked at on every start;
+from strings (``from __future__ import annotations``) that takes several times as long.
 """
 
-from __future__ import annotations
-
-from dataclasses import dataclass
-from typing import Annotated, Any, Literal, get_args, get_origin, get_type_hints
+from typing import Annotated, Any, Literal, get_args, get_origin
 
 import msgspec
 from msgspec import Meta
@@ -204,8 +204,7 @@ class Configuration(Section, frozen=True):
     report: ReportSettings = ReportSettings()
 
 
-@dataclass(frozen=True)
-class Key:
+class Key(msgspec.Struct, frozen=True):
     """One setting: its dotted key, its type for msgspec, its default and its sentence."""
 
     name: str
@@ -255,15 +254,14 @@ def _limits(kind: Any) -> list[str]:
 
 def _keys_of(section: type[Section], prefix: str) -> dict[str, Key]:
     keys: dict[str, Key] = {}
-    hints = get_type_hints(section, include_extras=True)
-    for field in msgspec.structs.fields(section):
-        name, kind = prefix + field.name, hints[field.name]
+    defaults = section()
+    for field, kind in section.__annotations__.items():
+        name = prefix + field
         if isinstance(kind, type) and issubclass(kind, Section):
             keys |= _keys_of(kind, f"{name}.")
             continue
         description = next(m.description for m in get_args(kind)[1:] if m.description)
-        default = field.default_factory() if callable(field.default_factory) else field.default
-        keys[name] = Key(name, kind, default, description)
+        keys[name] = Key(name, kind, getattr(defaults, field), description)
     return keys
 
 
