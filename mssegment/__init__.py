@@ -5,4 +5,22 @@ dominant mode is a motion and its inliers are its segment (Subbarao & Meer, "Non
 for Clustering over Analytic Manifolds", CVPR 2006).
 """
 
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from mssegment.library import segment_pictures, segment_tracks
+    from mssegment.records import Camera
+
 __version__ = "0.1.0"
+__all__ = ["Camera", "__version__", "segment_pictures", "segment_tracks"]
+
+
+def __getattr__(name: str) -> Any:
+    """Loads the library when it is asked for: the command line starts without it."""
+    if name not in __all__:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    from mssegment import library
+
+    return getattr(library, name)

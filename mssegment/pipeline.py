@@ -28,7 +28,15 @@ from mssegment.documents import (
     read_bytes,
 )
 from mssegment.errors import ConfigurationError
-from mssegment.records import Camera, Floats, Frame, HypothesisSet, Segmentation
+from mssegment.records import (
+    Camera,
+    Floats,
+    Frame,
+    HypothesisSet,
+    Integers,
+    Motion,
+    Segmentation,
+)
 
 if TYPE_CHECKING:
     from mssegment.imaging.frames import FrameSource
@@ -285,6 +293,21 @@ class Result:
     hypotheses: HypothesesDocument
     segmentation: SegmentationDocument
     timings: Timings
+
+    @property
+    def points(self) -> Floats:
+        """The tracks [P, F, 2], pixels, NaN where not seen."""
+        return self.tracks.tracks.points
+
+    @property
+    def labels(self) -> Integers:
+        """The label of each track [P]: a motion 1, 2, ..., or one of those in ``records``."""
+        return self.segmentation.labels
+
+    @property
+    def motions(self) -> tuple[Motion, ...]:
+        """The motions, label 1 first."""
+        return tuple(self.segmentation.motions)
 
 
 def run(

@@ -19,7 +19,7 @@ FLOORS = [
     {"hypotheses", "segmentation", "rendering", "truth"},
     {"stage_checks"},
     {"pipeline"},
-    {"benchmarking"},
+    {"benchmarking", "library"},
     {"cli"},
 ]
 """From the ground up: a room imports only from rooms on its own floor or below."""

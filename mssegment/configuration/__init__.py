@@ -52,6 +52,7 @@ __all__ = [
     "camera_settings",
     "from_environment",
     "from_file",
+    "from_mapping",
     "from_options",
     "from_text",
     "resolve",
@@ -140,6 +141,13 @@ def from_options(options: Mapping[str, Any], flags: Mapping[str, str]) -> list[S
         for key, value in options.items()
         if value is not None
     ]
+
+
+def from_mapping(values: Mapping[str, Any], origin: str) -> list[Setting]:
+    """The settings of values by dotted key. Raises ConfigurationError for an unknown key."""
+    for key in values:
+        _check_key(key, origin)
+    return [Setting(key, value, origin) for key, value in values.items()]
 
 
 def camera_of(settings: CameraSettings) -> Camera | None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import functools
 import glob
 import hashlib
+import math
 import os
 import re
 from collections import OrderedDict
@@ -30,11 +31,12 @@ KEPT_GREYS = 4
 
 
 class _Decoded:
-    """The pictures decoded last, up to ``CACHE_BYTES``."""
+    """The pictures decoded last, up to ``most`` bytes."""
 
-    def __init__(self) -> None:
+    def __init__(self, most: float = CACHE_BYTES) -> None:
         self._pictures: OrderedDict[Frame, Pixels] = OrderedDict()
         self._bytes = 0
+        self._most = most
 
     def get(self, frame: Frame) -> Pixels | None:
         if frame in self._pictures:
@@ -44,7 +46,7 @@ class _Decoded:
     def keep(self, frame: Frame, picture: Pixels) -> None:
         self._bytes += picture.nbytes - (p.nbytes if (p := self.get(frame)) is not None else 0)
         self._pictures[frame] = picture
-        while len(self._pictures) > 1 and self._bytes > CACHE_BYTES:
+        while len(self._pictures) > 1 and self._bytes > self._most:
             self._bytes -= self._pictures.popitem(last=False)[1].nbytes
 
 
@@ -236,8 +238,12 @@ def reopen_frames(frames: Sequence[Frame], folder: str | None = None) -> FrameSo
 
 
 def frames_in_memory(frames: Sequence[Frame], pixels: Sequence[Pixels]) -> FrameSource:
-    """Pictures that are decoded already (blue first, as OpenCV has them) under their ``frames``."""
-    decoded = _Decoded()
+    """Pictures that are decoded already (blue first, as OpenCV has them) under their ``frames``.
+
+    Raises ``DataError`` where their sizes differ.
+    """
+    _check_sizes(frames)
+    decoded = _Decoded(math.inf)  # what has no file cannot be decoded again
     for frame, picture in zip(frames, pixels, strict=True):
         decoded.keep(frame, picture)
     return FrameSource(frames, decoded)
