@@ -73,7 +73,8 @@ def hypothesize(
     tracks are in no subset. ``rank`` is that of ``factorization``; ``derotate`` takes the camera's
     rotation out before ``translation``; ``auto`` where it explains the matches much better
     (``derotation``).
-    Fewer hypotheses than asked for are returned where no more subsets are confirmed.
+    Fewer hypotheses than asked for are returned where no more subsets are confirmed; a model that
+    none confirms has no set.
 
     Raises DataError where the tracks cannot make a hypothesis, UsageError for a wrong argument.
     """
@@ -88,7 +89,7 @@ def hypothesize(
 
         found = find_rotation(points[usable], camera, rng)
         rotation = None if found is None else found.rotation
-    return [
+    sets = [
         _sample(
             _scene(motions.make(n, frames=frames, rank=rank), points, usable, camera, rotation),
             # of two sets the first finds the bodies; the second need not be as dense
@@ -98,6 +99,7 @@ def hypothesize(
         )
         for n in names
     ]
+    return [one for one in sets if len(one.points)]
 
 
 def neighbour_space(points: Floats) -> Floats:
@@ -193,7 +195,7 @@ def _scene(
 def _sample(
     scene: _Scene, count: Count, sampling: Sampling, rng: np.random.Generator
 ) -> HypothesisSet:
-    """Draws batches until there are enough confirmed hypotheses, or no hope of more."""
+    """Draws batches until there are enough confirmed hypotheses, or no hope of more or of any."""
     wanted = MOST if count == "auto" else count
     subsets: list[Integers] = []
     hypotheses: list[Floats] = []
@@ -218,8 +220,11 @@ def _sample(
             break
         if drawn >= 20 * BATCH and kept == 0:
             break
-    if kept == 0:
-        raise DataError(_why_none(scene, drawn, sound_count))
+    if sound_count == 0:
+        raise DataError(
+            f"all {drawn} elemental subsets are degenerate for model {scene.model.name} (points on "
+            "a line, equal or parallel motions): choose frames further apart, or another model"
+        )
     return HypothesisSet(
         model=scene.model.name,
         manifold=scene.model.manifold.name,
@@ -288,16 +293,3 @@ class _Progress:
             support = agree * agree.sum(axis=1, keepdims=True)
             self._best = np.maximum(self._best, support.max(axis=0))
         return bool(self._best.mean() < 1.01 * before)
-
-
-def _why_none(scene: _Scene, drawn: int, sound: int) -> str:
-    name = scene.model.name
-    if sound == 0:
-        return (
-            f"all {drawn} elemental subsets are degenerate for model {name} (points on a line, "
-            "equal or parallel motions): choose frames further apart, or another model"
-        )
-    return (
-        f"none of {sound} hypotheses of model {name} is confirmed by {CONFIRMATIONS} further "
-        "tracks: the matches share no motion; check the matches, or choose another model"
-    )

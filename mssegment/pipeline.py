@@ -55,6 +55,11 @@ STAGE_KEYS: dict[str, tuple[str, ...]] = {
 }
 """The settings that change the result of a stage; its entry in the history records them."""
 
+NOTHING_SHARED = (
+    "no hypothesis is confirmed by further tracks: the matches share no motion; check the matches, "
+    "or choose another model"
+)
+"""What hypothesize says of tracks that are only mismatches, or not of the model asked for."""
 _STREAMS = {"match": 1, "hypothesize": 2, "cluster": 3}
 
 
@@ -166,6 +171,8 @@ def hypothesize(document: TracksDocument, configuration: Configuration) -> Hypot
         notes = (*notes, "nothing else moves: there is no motion to look for")
     else:
         sets = _draw_sets(points, camera, background, configuration)
+        if not sets:
+            notes = (*notes, NOTHING_SHARED)
     return HypothesesDocument(
         frames=document.frames,
         camera=camera,
@@ -228,7 +235,8 @@ def cluster(
     from mssegment.segmentation import cluster as segment
     from mssegment.stage_checks import check_sets, no_motion, nothing_moves
 
-    if nothing_moves(document.status, _model(configuration, len(document.frames))):
+    model = _model(configuration, len(document.frames))
+    if not document.sets or nothing_moves(document.status, model):
         return _segmentation(document, no_motion(document.status), configuration)
     check_sets(document.sets)
     found = segment(

@@ -149,6 +149,20 @@ def test_too_few_tracks_are_no_standstill() -> None:
     assert not nothing_moves(np.array([-1, 0, 0, 0, 0, 0]), "auto")
 
 
+@pytest.mark.parametrize("model", ["auto", "affine", "homography"])
+def test_mismatches_alone_hold_no_motion(model: str, tmp_path: Path) -> None:
+    places = np.random.default_rng(0).uniform(0, 480, (200, 4))
+    rows = "\n".join(",".join(f"{value:.2f}" for value in row) for row in places)
+    (tmp_path / "matches.csv").write_text(f"x1,y1,x2,y2\n{rows}\n")
+    out = tmp_path / "out"
+    command = ["run", str(tmp_path / "matches.csv"), "--model", model, "--out", str(out), "-q"]
+    assert invoke(command) == 0
+    report = json.loads((out / "report.json").read_text())
+    assert report["motions"] == 0
+    assert report["outliers"] == 200
+    assert any("share no motion" in note for note in report["notes"])
+
+
 def test_two_equal_pictures_hold_no_motion(tmp_path: Path) -> None:
     picture = str(Path(__file__).parents[1] / "sample_data" / "affine" / "frame-1.png")
     assert invoke(["run", picture, picture, "--out", str(tmp_path / "out"), "-q"]) == 0

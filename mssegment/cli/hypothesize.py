@@ -58,6 +58,8 @@ def command(document: str, settings: list[Setting], output: str | None, voice: V
 
 def describe_hypotheses(document: HypothesesDocument) -> str:
     """The sentence for the stage's line."""
+    if not document.sets:
+        return "no subset agrees with others"
     kept = sum(len(chosen.points) for chosen in document.sets)
     drawn = sum(chosen.drawn for chosen in document.sets)
     return f"{kept} of {drawn} subsets agree"
