@@ -11,7 +11,7 @@ import argparse
 import json
 import sys
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
@@ -20,7 +20,7 @@ import numpy as np
 from mssegment import hypotheses
 from mssegment.datasets.adelaidermf import ADELAIDERMF, group_of
 from mssegment.evaluation import misclassification
-from mssegment.records import OUTLIER, Floats, HypothesisSet, Integers
+from mssegment.records import OUTLIER, Floats, HypothesisSet, Integers, replace
 from mssegment.segmentation.description_length import STANDARD, Recipe, mdl
 from mssegment.segmentation.entry import segment_by_modes
 from mssegment.segmentation.selection import Choice, Granularity, Problem

@@ -8,15 +8,12 @@ background; a track of a true motion found as background is wrong.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
-from mssegment.records import BACKGROUND, IGNORED, NOT_JUDGED, OUTLIER, Floats, Integers
+from mssegment.records import BACKGROUND, IGNORED, NOT_JUDGED, OUTLIER, Floats, Integers, Record
 
 
-@dataclass(frozen=True)
-class Evaluation:
+class Evaluation(Record, frozen=True):
     """A segmentation beside the truth.
 
     ``confusion`` has the true motions as rows and the found ones as columns, outliers last, its

@@ -8,7 +8,6 @@ validation step of the paper's reference [17].
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
@@ -17,7 +16,7 @@ from mssegment import motions
 from mssegment.errors import DataError, UsageError
 from mssegment.motions import Flags, MotionModel
 from mssegment.neighbours import nearest_others
-from mssegment.records import Camera, Coordinates, Floats, HypothesisSet, Integers
+from mssegment.records import Camera, Coordinates, Floats, HypothesisSet, Integers, Record
 
 Count = int | Literal["auto"]
 Sampling = Literal["local", "uniform"]
@@ -40,8 +39,7 @@ BATCH = 192
 """Subsets fitted at a time; one batch needs [BATCH, tracks] residuals."""
 
 
-@dataclass(frozen=True)
-class _Scene:
+class _Scene(Record, frozen=True):
     """The eligible tracks of one set, as one model sees them."""
 
     model: MotionModel

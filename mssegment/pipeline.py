@@ -35,6 +35,7 @@ from mssegment.records import (
     HypothesisSet,
     Integers,
     Motion,
+    Record,
     Segmentation,
 )
 
@@ -291,8 +292,7 @@ class Timings:
         self.peak_bytes[name] = _peak_bytes()
 
 
-@dataclass(frozen=True)
-class Result:
+class Result(Record, frozen=True):
     """All documents of one run; ``corners`` is None where tracks were given."""
 
     source: FrameSource | None

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import inspect
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -15,7 +14,7 @@ from mssegment.datasets.adelaidermf import read
 from mssegment.errors import DataError
 from mssegment.evaluation import misclassification
 from mssegment.hypotheses import hypothesize
-from mssegment.records import Floats, Integers, Segmentation
+from mssegment.records import Floats, Integers, Segmentation, replace
 from mssegment.segmentation import cluster
 from mssegment.segmentation.labelling import Neighbourhood, frequency_labels, neighbour_labels
 from mssegment.segmentation.likelihood import Noise, uniform_cost

@@ -63,7 +63,7 @@ def test_tracks_are_judged_one_by_one(scene) -> None:
 
 
 def test_without_motions_everything_is_an_outlier(scene) -> None:
-    from dataclasses import replace
+    from mssegment.records import replace
 
     points, sets, found, _ = scene
     assert (judge(points, sets, replace(found, motions=())) == OUTLIER).all()

@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 from rendering_samples import affine_report, many_tracks
 
-from mssegment.records import Frame
+from mssegment.records import Frame, replace
 from mssegment.rendering.labelling import LabelServer
 from mssegment.rendering.page import render_page
 from mssegment.truth import true_labels
@@ -212,7 +212,7 @@ def test_names_of_files_and_notes_stay_text(open_page):
         history=[{"stage": NASTY, "settings": {NASTY: "</script><script>alert(2)</script>"}}],
     )
     frames = tuple(Frame(NASTY, f.width, f.height) for f in report.frames)
-    opened = open_page(report.__class__(**{**report.__dict__, "frames": frames}))
+    opened = open_page(replace(report, frames=frames))
     opened.page.click("#forward")
     assert NASTY in opened.page.inner_text("#frame-name")
     assert NASTY in opened.page.inner_text("#provenance")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from dataclasses import replace
 
 import cv2
 import numpy as np
@@ -11,6 +10,7 @@ import pytest
 from rendering_samples import affine_report
 
 from mssegment.errors import UsageError
+from mssegment.records import replace
 from mssegment.rendering import style
 from mssegment.rendering.compare import (
     comparison_json,

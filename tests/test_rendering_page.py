@@ -6,7 +6,6 @@ import base64
 import hashlib
 import json
 import re
-from dataclasses import replace
 from html.parser import HTMLParser
 
 import numpy as np
@@ -16,7 +15,7 @@ from hypothesis import strategies as st
 from rendering_samples import affine_report
 
 from mssegment.manifolds import from_name
-from mssegment.records import Coordinates, Frame, HypothesisSet, Mode, Segmentation, Tracks
+from mssegment.records import Coordinates, Frame, HypothesisSet, Mode, Segmentation, Tracks, replace
 from mssegment.rendering.page import payload, render_page
 from mssegment.rendering.page.projection import project
 from mssegment.rendering.pictures import KINDS, render_pictures
@@ -102,9 +101,9 @@ def test_hostile_text_is_escaped_everywhere(text):
         configuration={text: text},
         pictures=lambda index: None,
     )
-    fields = report.__dict__ | {"frames": tuple(Frame(text, 320, 240) for _ in report.frames)}
+    named = replace(report, frames=tuple(Frame(text, 320, 240) for _ in report.frames))
     plain = Reader(render_page(affine_report(tracks=12)))
-    page = Reader(render_page(report.__class__(**fields)))
+    page = Reader(render_page(named))
     count = [tag for tag, _ in page.tags].count("script")
     assert count == [tag for tag, _ in plain.tags].count("script") == 2
     assert page.open == []

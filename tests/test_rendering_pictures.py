@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from xml.etree import ElementTree
 
 import cv2
@@ -11,7 +10,7 @@ import pytest
 from rendering_samples import HEIGHT, WIDTH, affine_report
 
 from mssegment.errors import UsageError
-from mssegment.records import Frame
+from mssegment.records import Frame, replace
 from mssegment.rendering import style
 from mssegment.rendering.layout import view_of
 from mssegment.rendering.pictures import KINDS, encode_pictures, frame_scene, shown_frames

@@ -5,7 +5,6 @@ from __future__ import annotations
 import csv
 import io
 import json
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -13,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from rendering_samples import affine_report
 
-from mssegment.records import Segmentation, Tracks
+from mssegment.records import Segmentation, Tracks, replace
 from mssegment.rendering.report import build_report, report_json
 from mssegment.rendering.style import PALETTE, mark
 from mssegment.rendering.tables import (

@@ -11,7 +11,7 @@ from mssegment import motions
 from mssegment.errors import DataError, UsageError
 from mssegment.evaluation import misclassification
 from mssegment.hypotheses import hypothesize
-from mssegment.records import BACKGROUND, NOT_JUDGED, HypothesisSet
+from mssegment.records import BACKGROUND, NOT_JUDGED, HypothesisSet, replace
 from mssegment.segmentation import SELECTIONS, cluster
 from mssegment.segmentation.background import find_background
 from mssegment.segmentation.dominance import largest_gap
@@ -216,13 +216,13 @@ def test_unknown_names_and_damaged_hypotheses():
         cluster(scene.points, sets, method="ransac")
     with pytest.raises(DataError, match="run hypothesize"):
         cluster(scene.points, [])
-    damaged = HypothesisSet(**{**vars(sets[0]), "points": sets[0].points[:, :2]})
+    damaged = replace(sets[0], points=sets[0].points[:, :2])
     with pytest.raises(DataError, match="shape"):
         cluster(scene.points, [damaged])
-    elsewhere = HypothesisSet(**{**vars(sets[0]), "frames": (0, 7)})
+    elsewhere = replace(sets[0], frames=(0, 7))
     with pytest.raises(DataError, match="frame 8"):
         cluster(scene.points, [elsewhere])
-    empty = HypothesisSet(**{**vars(sets[0]), "points": sets[0].points[:0]})
+    empty = replace(sets[0], points=sets[0].points[:0])
     with pytest.raises(DataError, match="no hypotheses"):
         cluster(scene.points, [empty])
 

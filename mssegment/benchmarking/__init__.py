@@ -12,7 +12,6 @@ import re
 import time
 from collections.abc import Iterable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
 from typing import Literal
@@ -25,7 +24,7 @@ from mssegment.configuration import Configuration, Setting, resolve
 from mssegment.datasets import DATASETS, ImportedTracks
 from mssegment.errors import UsageError
 from mssegment.evaluation import misclassification
-from mssegment.records import Floats, Integers, Tracks
+from mssegment.records import Floats, Integers, Record, Tracks, replace
 
 __all__ = [
     "BENCHMARKS",
@@ -52,8 +51,7 @@ _SUBSET = re.compile(r"_g\d\d$")
 _THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
 
 
-@dataclass(frozen=True)
-class SequenceResult:
+class SequenceResult(Record, frozen=True):
     """One sequence under one seed: ``error`` is a fraction, ``seconds`` those of the pipeline."""
 
     name: str
@@ -65,8 +63,7 @@ class SequenceResult:
     seed: int
 
 
-@dataclass(frozen=True)
-class GroupSummary:
+class GroupSummary(Record, frozen=True):
     """Over the results of a group: ``mean`` over all, ``median`` over the sequences' means."""
 
     sequences: int
@@ -76,8 +73,7 @@ class GroupSummary:
     seconds: float
 
 
-@dataclass(frozen=True)
-class Options:
+class Options(Record, frozen=True):
     """How to run: what ``run_benchmark`` is told, the same for every sequence."""
 
     benchmark: str
@@ -90,8 +86,7 @@ class Options:
     """Files whose tracks serve as foreign outliers."""
 
 
-@dataclass(frozen=True)
-class Case:
+class Case(Record, frozen=True):
     """One sequence to run: a file, or one true group of it alone."""
 
     path: Path

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from mssegment.records import Record
 
 
-@dataclass(frozen=True)
-class Published:
+class Published(Record, frozen=True):
     """A figure of the literature: mean misclassification in per cent on ``group``."""
 
     method: str
@@ -15,8 +14,7 @@ class Published:
     source: str
 
 
-@dataclass(frozen=True)
-class Benchmark:
+class Benchmark(Record, frozen=True):
     """How a data set is run: settings for all, settings by group, and what others published."""
 
     dataset: str

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-import dataclasses
 import json
 from collections.abc import Sequence
+
+from msgspec.structs import asdict
 
 from mssegment.benchmarking import BENCHMARKS, SequenceResult, summarise
 from mssegment.rendering.tables import Table, format_table
@@ -12,8 +13,8 @@ from mssegment.rendering.tables import Table, format_table
 
 def benchmark_json(dataset: str, results: Sequence[SequenceResult]) -> str:
     """``sequences``, one entry per sequence and seed, and ``groups``, with ``all``."""
-    groups = {name: dataclasses.asdict(group) for name, group in summarise(results).items()}
-    sequences = [dataclasses.asdict(result) for result in results]
+    groups = {name: asdict(group) for name, group in summarise(results).items()}
+    sequences = [asdict(result) for result in results]
     content = {"dataset": dataset, "sequences": sequences, "groups": groups}
     return json.dumps(content, indent=1) + "\n"
 

@@ -8,7 +8,6 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
 from typing import Any, TypeVar
 
 import click
@@ -23,6 +22,7 @@ from mssegment.documents import (
     write_document,
 )
 from mssegment.errors import UsageError
+from mssegment.records import Record
 
 Command = TypeVar("Command", bound=Callable[..., Any])
 
@@ -96,8 +96,7 @@ def _option(name: str, key: str) -> Callable[[Any], Any]:
     )
 
 
-@dataclass(frozen=True)
-class Voice:
+class Voice(Record, frozen=True):
     """What a command says on standard error, and how it hands over its document."""
 
     quiet: bool = False

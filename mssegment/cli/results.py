@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import dataclasses
 import os
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -17,6 +15,7 @@ from mssegment.configuration import Configuration
 from mssegment.documents import SegmentationDocument, write_bytes
 from mssegment.errors import DataError, UsageError
 from mssegment.pipeline import straight
+from mssegment.records import Record
 from mssegment.rendering.report import Picture, Report, build_report, report_json
 
 if TYPE_CHECKING:
@@ -57,8 +56,7 @@ def _claim(out: str, force: bool) -> None:
         raise UsageError(f"{out}: cannot be written ({error.strerror}); choose another") from None
 
 
-@dataclass(frozen=True)
-class Results:
+class Results(Record, frozen=True):
     """A report and the settings that say what of it is written."""
 
     report: Report
@@ -88,7 +86,7 @@ class Results:
             pictures=_Pictures(document, source),
             truth=truth,
             straight=straight(document.tracks.points, document.camera),
-            history=[dataclasses.asdict(entry) for entry in document.history],
+            history=[msgspec.structs.asdict(entry) for entry in document.history],
             configuration=msgspec.to_builtins(configuration),
         )
         return cls(report, configuration)

@@ -10,7 +10,6 @@ import difflib
 import math
 import os
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -32,7 +31,7 @@ from mssegment.configuration.settings import (
     SegmentSettings,
 )
 from mssegment.errors import ConfigurationError, MssegmentError, UsageError
-from mssegment.records import Camera
+from mssegment.records import Camera, Record
 
 __all__ = [
     "KEYS",
@@ -62,8 +61,7 @@ _PATH_KEYS = ("input.images", "input.tracks", "camera.file", "report.labels")
 _INTRINSICS = ("fx", "fy", "cx", "cy")
 
 
-@dataclass(frozen=True)
-class Setting:
+class Setting(Record, frozen=True):
     """A value for one key, where it came from, and the error it is when it is wrong."""
 
     key: str

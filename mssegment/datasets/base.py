@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -12,14 +11,13 @@ import numpy as np
 import numpy.typing as npt
 
 from mssegment.errors import DataError
-from mssegment.records import LARGEST_COORDINATE, Camera, Floats, Frame, Integers, Tracks
+from mssegment.records import LARGEST_COORDINATE, Camera, Floats, Frame, Integers, Record, Tracks
 
 Variables = Mapping[str, Any]
 """The variables of a Matlab file, by name."""
 
 
-@dataclass(frozen=True)
-class ImportedTracks:
+class ImportedTracks(Record, frozen=True):
     """Tracks from a file that somebody else wrote.
 
     ``name`` is the sequence, ``group`` the part of the data set it belongs to (a fact of the data
@@ -34,7 +32,7 @@ class ImportedTracks:
     frames: tuple[Frame, ...]
     camera: Camera | None = None
     group: str = ""
-    pictures: tuple[npt.NDArray[np.uint8], ...] = field(default=(), repr=False)
+    pictures: tuple[npt.NDArray[np.uint8], ...] = ()
 
     @property
     def motions(self) -> int:
@@ -43,8 +41,7 @@ class ImportedTracks:
         return 0 if labels is None else len(np.unique(labels[labels > 0]))
 
 
-@dataclass(frozen=True)
-class DataSet:
+class DataSet(Record, frozen=True):
     """One data set or file format: a name, how to know its files, how to read and list them.
 
     ``recognises`` looks at the variables of a Matlab file, or at the header fields of a CSV;

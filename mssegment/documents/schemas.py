@@ -7,7 +7,6 @@ input and seed give the same bytes.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import msgspec
@@ -33,13 +32,13 @@ from mssegment.records import (
     Integers,
     Mode,
     Motion,
+    Record,
     Segmentation,
     Tracks,
 )
 
 
-@dataclass(frozen=True)
-class HistoryEntry:
+class HistoryEntry(Record, frozen=True):
     """One stage that worked on the document, with the settings that change its result."""
 
     stage: str

@@ -10,7 +10,6 @@ import os
 import re
 from collections import OrderedDict
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import overload
 
@@ -21,7 +20,7 @@ from mssegment.errors import DataError, UsageError
 from mssegment.imaging import pictures
 from mssegment.imaging.pictures import Colour, Grey, Pixels
 from mssegment.imaging.videos import Video
-from mssegment.records import Frame
+from mssegment.records import Frame, Record
 
 CACHE_BYTES = 256 * 2**20
 """Decoded pictures are kept up to this many bytes; beyond it they are decoded again."""
@@ -150,8 +149,7 @@ def _check_sha256(frame: Frame, found: str) -> None:
         )
 
 
-@dataclass(frozen=True)
-class _Range:
+class _Range(Record, frozen=True):
     """Which frames of a video, or of the list of pictures, are wanted."""
 
     start: int

@@ -3,21 +3,19 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 import cv2
 import numpy as np
 
 from mssegment.imaging.pictures import Grey
-from mssegment.records import Floats
+from mssegment.records import Floats, Record
 
 FACTOR = 2**0.5
 SMALLEST = 16
 """Levels stop before a side falls below this many pixels."""
 
 
-@dataclass(frozen=True)
-class Level:
+class Level(Record, frozen=True):
     """One level: its picture, and how many pixels of the original one of its pixels spans.
 
     ``scale`` is nominal (a power of sqrt 2); ``ratio`` (x, y) is the exact one, which differs a

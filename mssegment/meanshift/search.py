@@ -12,7 +12,7 @@ from mssegment.manifolds import Cloud, Manifold
 from mssegment.meanshift.ascent import Ascent, Mask, Thin, ascend, follow
 from mssegment.meanshift.kernels import Kernel
 from mssegment.meanshift.modes import merge
-from mssegment.records import Floats, Integers
+from mssegment.records import Floats, Integers, Record
 
 if TYPE_CHECKING:
     from concurrent.futures import Executor
@@ -41,8 +41,7 @@ class Found:
     way: Ascent
 
 
-@dataclass(frozen=True)
-class Search:
+class Search(Record, frozen=True):
     """What does not change while modes are looked for."""
 
     manifold: Manifold

@@ -9,8 +9,6 @@ do: the static world may be a third of the matches.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from scipy.spatial import KDTree
 
@@ -29,7 +27,7 @@ from mssegment.motions.turning import (
     tangent_basis,
     turn,
 )
-from mssegment.records import Camera, Floats, Integers
+from mssegment.records import Camera, Floats, Integers, Record
 
 SUBSETS, SUBSET_SIZE, ROUNDS = 400, 7, 8
 """Subsets that a rotation is fitted to, and their size: two matches more than there are parameters.
@@ -62,8 +60,7 @@ LARGEST = 10.0
 NONE = np.zeros((0, 3))
 
 
-@dataclass(frozen=True)
-class Derotation:
+class Derotation(Record, frozen=True):
     """``rotation`` [3, 3] turns rays of frame 2 into the orientation of frame 1; ``degrees``.
 
     ``share`` of the matches fit the largest motion within a pixel after it.
@@ -74,8 +71,7 @@ class Derotation:
     share: float
 
 
-@dataclass(frozen=True)
-class _Matches:
+class _Matches(Record, frozen=True):
     """Rays (x, y, 1) of both views [P, 3], the ``focal`` length in pixels and, in pixels, the
     ``extent`` of the displacements; ``groups`` [S, k] are matches that lie together."""
 
@@ -86,8 +82,7 @@ class _Matches:
     groups: Integers
 
 
-@dataclass(frozen=True)
-class _Bodies:
+class _Bodies(Record, frozen=True):
     """A few translations: ``directions`` [m, 3], ``scales`` [m] (pixels), the body of each match
     ``labels`` [P] (-1: none), and the nats that they ``saved``."""
 

@@ -8,14 +8,13 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from mssegment.errors import UsageError
 from mssegment.evaluation import match_labels
-from mssegment.records import OUTLIER, Integers, Motion
+from mssegment.records import OUTLIER, Integers, Motion, replace
 from mssegment.rendering import style
 from mssegment.rendering.layout import stack_below, stack_right, view_of
 from mssegment.rendering.pictures import encode, frame_scene, motion_hulls

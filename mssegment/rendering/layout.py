@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
 
-from mssegment.records import Floats
+from mssegment.records import Floats, Record, replace
 from mssegment.rendering import style
 from mssegment.rendering.regions import spacing
 from mssegment.rendering.report import Picture, Report
@@ -31,8 +30,7 @@ LARGEST = 1920
 """Larger pictures are made smaller: a slide shows no more, and everything takes its time."""
 
 
-@dataclass(frozen=True)
-class View:
+class View(Record, frozen=True):
     """One frame as it is drawn: its photograph, muted, at ``scale`` times the frame's size.
 
     ``spacing`` is that of the inliers, in pixels of the frame.

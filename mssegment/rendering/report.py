@@ -7,7 +7,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -24,6 +23,7 @@ from mssegment.records import (
     Integers,
     Mode,
     Motion,
+    Record,
     Segmentation,
     Tracks,
 )
@@ -36,8 +36,11 @@ PictureOf = Callable[[int], Picture | None]
 SCHEMA = "mssegment/report/1"
 
 
-@dataclass(frozen=True)
-class Report:
+def no_picture(index: int) -> None:
+    """The picture of a frame whose file is not at hand."""
+
+
+class Report(Record, frozen=True):
     """A segmentation with all that is needed to show it.
 
     ``truth`` [P] are the true labels, ``evaluation`` the comparison with them; ``res`` and
@@ -50,13 +53,13 @@ class Report:
     tracks: Tracks
     sets: tuple[HypothesisSet, ...]
     segmentation: Segmentation
-    pictures: PictureOf = field(default=lambda index: None)
+    pictures: PictureOf = no_picture
     truth: Integers | None = None
     evaluation: Evaluation | None = None
     res: tuple[float | None, ...] | None = None
     res_hat: tuple[float | None, ...] | None = None
     history: tuple[Mapping[str, Any], ...] = ()
-    configuration: Mapping[str, Any] = field(default_factory=dict)
+    configuration: Mapping[str, Any] = {}
     trajectories: tuple[tuple[Floats, ...], ...] = ()
 
     @property
@@ -125,7 +128,7 @@ def build_report(
         tracks=tracks,
         sets=tuple(sets),
         segmentation=segmentation,
-        pictures=pictures or (lambda index: None),
+        pictures=pictures or no_picture,
         truth=truth,
         evaluation=evaluation,
         res=res,

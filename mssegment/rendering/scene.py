@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import numpy.typing as npt
 
-from mssegment.records import Floats
+from mssegment.records import Floats, Record
 from mssegment.rendering.report import Picture
 from mssegment.rendering.style import Colour
 
@@ -20,8 +20,7 @@ TEXT_WIDTH = 0.56
 """Mean width of a character over the height of the text, for layout."""
 
 
-@dataclass(frozen=True)
-class Markers:
+class Markers(Record, frozen=True):
     """The same shape at ``points`` [n, 2]; ``halo`` is the width of a light rim around each."""
 
     points: Floats
@@ -31,8 +30,7 @@ class Markers:
     halo: float = 0.0
 
 
-@dataclass(frozen=True)
-class Lines:
+class Lines(Record, frozen=True):
     """Polylines [n, 2] of one colour and width; ``heads`` are the triangles at their ends."""
 
     paths: tuple[Floats, ...]
@@ -42,8 +40,7 @@ class Lines:
     opacity: float = 1.0
 
 
-@dataclass(frozen=True)
-class Areas:
+class Areas(Record, frozen=True):
     """Closed contours [n, 2], filled with ``opacity`` and outlined with ``width``."""
 
     contours: tuple[Floats, ...]
@@ -52,8 +49,7 @@ class Areas:
     width: float
 
 
-@dataclass(frozen=True)
-class Badge:
+class Badge(Record, frozen=True):
     """A disc with a number on it."""
 
     x: float
@@ -63,8 +59,7 @@ class Badge:
     text: str
 
 
-@dataclass(frozen=True)
-class Label:
+class Label(Record, frozen=True):
     """A line of text whose left end is at x, its baseline at y; ``size`` is the height."""
 
     x: float

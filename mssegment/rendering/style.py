@@ -9,9 +9,8 @@ another shape: there are 7 colours and 8 shapes, hence 56 combinations.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
-from mssegment.records import BACKGROUND, NOT_JUDGED, OUTLIER
+from mssegment.records import BACKGROUND, NOT_JUDGED, OUTLIER, Record
 
 Colour = tuple[int, int, int]
 """Red, green, blue, 0..255."""
@@ -62,8 +61,7 @@ REGION_OPACITY = 0.38
 HULL_OPACITY = 0.20
 
 
-@dataclass(frozen=True)
-class Mark:
+class Mark(Record, frozen=True):
     """How one label looks: colour, shape, text glyph and name."""
 
     colour: Colour
@@ -122,8 +120,7 @@ def _unit(colour: Colour) -> list[float]:
     return [channel / 255 for channel in colour]
 
 
-@dataclass(frozen=True)
-class Sizes:
+class Sizes(Record, frozen=True):
     """Lengths in pixels of the finished picture, all from one unit that grows with the picture.
 
     ``spacing`` is how far markers typically lie from each other: they shrink where they would

@@ -10,18 +10,16 @@ import csv
 import io
 import json
 from collections.abc import Sequence
-from dataclasses import dataclass
 from unicodedata import east_asian_width
 
-from mssegment.records import BACKGROUND, NOT_JUDGED, OUTLIER
+from mssegment.records import BACKGROUND, NOT_JUDGED, OUTLIER, Record
 from mssegment.rendering.report import Report, report_json
 from mssegment.rendering.style import GLYPHS, mark
 
 FORMATS = ("text", "json", "csv", "markdown", "latex")
 
 
-@dataclass(frozen=True)
-class Table:
+class Table(Record, frozen=True):
     """A header and rows of cells; ``rules`` are the rows above which a line is drawn."""
 
     title: str

@@ -7,14 +7,13 @@ happens to stand still fills few places. They need not be most of the tracks: te
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
 
 from mssegment.motions import Flags
 from mssegment.neighbours import nearest
-from mssegment.records import BACKGROUND, OUTLIER, Floats, Integers
+from mssegment.records import BACKGROUND, OUTLIER, Floats, Integers, Record
 
 BANDWIDTH = 2.0
 """Pixels, for the mean shift over the displacements."""
@@ -41,8 +40,7 @@ NEAR_ENOUGH = 1e-4
 """Bandwidths; a shorter step is the last one."""
 
 
-@dataclass(frozen=True)
-class Background:
+class Background(Record, frozen=True):
     """``status`` [P]: -1 for background, 0 for tracks to segment; ``notes`` for the user."""
 
     status: Integers

@@ -7,11 +7,10 @@ that grows alone ends by swallowing its neighbours: the early stages are often t
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
 
 import numpy as np
 
-from mssegment.records import Floats, Integers
+from mssegment.records import Floats, Integers, Record, replace
 from mssegment.segmentation.displacement import displacement_gains
 from mssegment.segmentation.likelihood import Noise
 from mssegment.segmentation.selection import View
@@ -22,8 +21,7 @@ STAGES = 5
 """Fits of a mode, each to what the one before explains."""
 
 
-@dataclass(frozen=True)
-class Candidates:
+class Candidates(Record, frozen=True):
     """K motions: ``views`` [K] index the set, ``modes`` [K] the mode each grew from (-1: none).
 
     ``points`` are K points on their manifolds, ``scales`` [K] pixels, ``gains`` [K, P] what each
@@ -72,8 +70,7 @@ def join(parts: Sequence[Candidates]) -> Candidates:
     )
 
 
-@dataclass(frozen=True)
-class Family:
+class Family(Record, frozen=True):
     """One set of hypotheses with all that turns its motions into candidates.
 
     ``index`` is the place of the set.

@@ -8,12 +8,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
 from mssegment.motions import Flags
-from mssegment.records import Floats, Integers
+from mssegment.records import Floats, Integers, Record
 from mssegment.segmentation.candidates import Candidates, Family
 from mssegment.segmentation.labelling import (
     frequency_cost,
@@ -34,8 +33,7 @@ FORBIDDEN = 1e6
 """Nats; more than any description saves."""
 
 
-@dataclass(frozen=True)
-class Description:
+class Description(Record, frozen=True):
     """The description of tracks that lie at ``places`` [P, 2] (pixels, first frame).
 
     ``fewest`` and ``most`` bound the number of motions; ``price`` multiplies what the parameters

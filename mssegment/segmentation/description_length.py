@@ -13,12 +13,11 @@ parameters, the dimension of its residual, its residual, its fit and the extent 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
 
 import numpy as np
 
 from mssegment.hypotheses import nearest_neighbours, neighbour_space
-from mssegment.records import Integers
+from mssegment.records import Integers, Record, replace
 from mssegment.segmentation.candidates import Candidates, Family, from_modes, join
 from mssegment.segmentation.continuity import join_faces
 from mssegment.segmentation.description import Description
@@ -35,8 +34,7 @@ SETTLING = 5
 """Turns of neighbour labels and refits at the end."""
 
 
-@dataclass(frozen=True)
-class Recipe:
+class Recipe(Record, frozen=True):
     """What the ablation takes away, one at a time.
 
     ``price`` multiplies what stating the parameters costs; ``freedom`` the degrees of

@@ -7,11 +7,9 @@ same tracks as a heavier one is the same motion, one that loses its tracks to th
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
-from mssegment.records import Floats
+from mssegment.records import Floats, Record
 from mssegment.segmentation.inliers import SPARE, Fitted, fit_within, inlier_limit
 from mssegment.segmentation.refit import compete
 from mssegment.segmentation.selection import Choice, Chosen, Problem, View
@@ -31,8 +29,7 @@ MIXTURE = 3.0
 """A motion with residuals so many times the noise was fitted to two bodies at once."""
 
 
-@dataclass(frozen=True)
-class _Candidate:
+class _Candidate(Record, frozen=True):
     """A mode with its own motion, and the mass by which it dominates."""
 
     mode: int

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import Literal
 
 import numpy as np
@@ -21,6 +20,7 @@ from mssegment.records import (
     Mode,
     Motion,
     Segmentation,
+    replace,
 )
 from mssegment.segmentation.optical_axis import axis_notes
 from mssegment.segmentation.selection import (

@@ -10,12 +10,11 @@ spread of the logarithm of a noise does not depend on its size.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 
 from mssegment.motions import Flags, MotionModel
-from mssegment.records import Floats
+from mssegment.records import Floats, Record
 from mssegment.segmentation.selection import View
 from mssegment.special import chi_square_quantile, trigamma_of_half
 
@@ -31,8 +30,7 @@ WIDEST = 4.0
 """Standard deviations beyond the typical length of the noise where inliers end at the latest."""
 
 
-@dataclass(frozen=True)
-class Fitted:
+class Fitted(Record, frozen=True):
     """A motion fitted to the basin of its own residuals: inliers [P] and residuals [P] (pixels)."""
 
     point: Floats

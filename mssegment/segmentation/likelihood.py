@@ -10,11 +10,10 @@ uniform. Everything is in nats, and a common scaling of all coordinates changes 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 
-from mssegment.records import Floats
+from mssegment.records import Floats, Record
 
 DEGREES_OF_FREEDOM = 2.5
 """Of the Student t distribution of the residuals; infinity would be Gaussian."""
@@ -24,8 +23,7 @@ SCALE_ROUNDS = 4
 """Rounds of the fixed point of a motion's scale; it converges by a factor of about 4 a round."""
 
 
-@dataclass(frozen=True)
-class Noise:
+class Noise(Record, frozen=True):
     """The residuals of one model, vectors of ``dimension`` coordinates.
 
     The scale of a motion lies between ``floor`` and ``cap`` pixels, and is not less than the

@@ -8,19 +8,17 @@ candidates for the shortest description of all tracks. A further one is a functi
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
 
 from mssegment.motions import Flags, MotionModel
-from mssegment.records import Floats, HypothesisSet, Integers, Mode
+from mssegment.records import Floats, HypothesisSet, Integers, Mode, Record
 
 Granularity = Literal["object", "surface", "auto"]
 
 
-@dataclass(frozen=True)
-class View:
+class View(Record, frozen=True):
     """One set of hypotheses with the tracks as its model sees them: ``observed`` [P, F, 2]."""
 
     hypotheses: HypothesisSet
@@ -36,8 +34,7 @@ class View:
         return self.model.fit(self.observed, weights)
 
 
-@dataclass(frozen=True)
-class Problem:
+class Problem(Record, frozen=True):
     """The tracks to explain and the modes to explain them with.
 
     ``points`` [P, F, 2] are the complete, eligible tracks in pixels; ``views`` belong to the sets;
@@ -58,8 +55,7 @@ class Problem:
     tracks: Integers
 
 
-@dataclass(frozen=True)
-class Chosen:
+class Chosen(Record, frozen=True):
     """A motion that a selection found: its point on the manifold of set ``set`` and its inliers.
 
     ``mode`` is the index of the mode it grew from, ``scale`` the standard deviation of its
@@ -75,8 +71,7 @@ class Chosen:
     cost_saved: float | None = None
 
 
-@dataclass(frozen=True)
-class Choice:
+class Choice(Record, frozen=True):
     """The motions that a selection found, and what the user should know about it."""
 
     motions: tuple[Chosen, ...]

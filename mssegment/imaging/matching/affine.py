@@ -9,7 +9,6 @@ corners that found no partner should be.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
@@ -23,7 +22,7 @@ from mssegment.imaging.matching.orientation import dominant
 from mssegment.imaging.matching.views import Indices, View, two_views
 from mssegment.imaging.pictures import Grey
 from mssegment.imaging.pyramid import FACTOR, size_unit
-from mssegment.records import Corners, Floats, Tracks
+from mssegment.records import Corners, Floats, Record, Tracks
 
 RATIO = 0.85
 SAME_PLACE = 4.0
@@ -42,8 +41,7 @@ PROMISING = 0.4
 """Correlation that a predicted place must have before registration to be worth it."""
 
 
-@dataclass(frozen=True)
-class _Matches:
+class _Matches(Record, frozen=True):
     """Matches: positions [n, 2] in both pictures, local affines, correlation.
 
     ``born`` [n] is the round of growth that found each, 0 for the patches.

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import cv2
 import numpy as np
@@ -13,7 +12,7 @@ from mssegment.imaging.corners import FEW_FRAMES, spread
 from mssegment.imaging.matching.light import Light, first_light, flash, light_between
 from mssegment.imaging.pictures import Grey
 from mssegment.neighbours import nearest
-from mssegment.records import Corners, Floats, Tracks
+from mssegment.records import Corners, Floats, Record, Tracks
 
 Bytes = npt.NDArray[np.uint8]
 
@@ -92,8 +91,7 @@ def _far_from(points: Floats, others: Floats, distance: float) -> Floats:
     return np.asarray(points[gap[:, 0] >= distance])
 
 
-@dataclass(frozen=True)
-class _Search:
+class _Search(Record, frozen=True):
     """How Lucas-Kanade looks: side of the window, pyramid levels, allowed miss on the way back."""
 
     window: int

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import cv2
 import numpy as np
 
 from mssegment.imaging.matching.descriptors import grid
 from mssegment.imaging.pictures import Grey
-from mssegment.records import Floats
+from mssegment.records import Floats, Record
 
 WINDOW = 9
 FLAT = 1.0
@@ -20,8 +18,7 @@ NARROW = 128.0
 FEW = 8
 
 
-@dataclass(frozen=True)
-class Light:
+class Light(Record, frozen=True):
     """Grey value v under this light was (v - ``offset``) / ``gain`` in the first frame's."""
 
     gain: float = 1.0

@@ -8,7 +8,6 @@ can explain is taken out beforehand, so they need no parameters of their own.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from itertools import pairwise
 
 import cv2
@@ -19,7 +18,7 @@ from mssegment.imaging.matching.descriptors import grid
 from mssegment.imaging.matching.views import Indices, Singles
 from mssegment.imaging.pictures import Grey
 from mssegment.imaging.pyramid import Level
-from mssegment.records import Floats
+from mssegment.records import Floats, Record
 
 RADIUS = 9
 STEPS = 12
@@ -35,8 +34,7 @@ BLOCK = 1024
 """Windows at a time, so that what each step works on stays in the cache."""
 
 
-@dataclass(frozen=True)
-class Windows:
+class Windows(Record, frozen=True):
     """Windows between two pyramids: where each is in view 1, and the map that takes it to view 2.
 
     ``first`` and ``second`` [n, 2] are centres in pixels of the pictures, ``affines`` [n, 2, 2]
@@ -59,8 +57,7 @@ class Windows:
         )
 
 
-@dataclass(frozen=True)
-class Registered:
+class Registered(Record, frozen=True):
     """Outcome: refined centres in view 2 [n, 2], linear parts [n, 2, 2], correlation [n]."""
 
     second: Floats

@@ -2,22 +2,19 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 import numpy.typing as npt
 
 from mssegment.imaging.matching.views import Indices, Singles
 from mssegment.neighbours import nearest
-from mssegment.records import Floats
+from mssegment.records import Floats, Record
 
 BLOCK = 128
 """Rows of a block of correlations, so that it stays in the cache while it is looked at."""
 NEIGHBOURS = 32
 
 
-@dataclass(frozen=True)
-class Pairs:
+class Pairs(Record, frozen=True):
     """Row ``first`` of one set and row ``second`` of the other, and their correlation."""
 
     first: Indices

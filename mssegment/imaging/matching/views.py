@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import cv2
 import numpy as np
@@ -12,14 +11,13 @@ import numpy.typing as npt
 from mssegment.errors import UsageError
 from mssegment.imaging.pictures import Grey
 from mssegment.imaging.pyramid import FACTOR, Level, build_pyramid
-from mssegment.records import Corners, Floats
+from mssegment.records import Corners, Floats, Record
 
 Singles = npt.NDArray[np.float32]
 Indices = npt.NDArray[np.intp]
 
 
-@dataclass(frozen=True)
-class View:
+class View(Record, frozen=True):
     """One picture's pyramid and its corners: positions in the picture, level of each."""
 
     pyramid: list[Level]

@@ -7,13 +7,11 @@ which the hypotheses of the modes spread most; how much of the spread that shows
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 import numpy.typing as npt
 
 from mssegment.manifolds import Manifold, from_name
-from mssegment.records import Floats, Integers
+from mssegment.records import Floats, Integers, Record
 from mssegment.rendering.report import Report
 
 MOST_POINTS = 400
@@ -24,8 +22,7 @@ SMALL_MODE = 0.01
 """A mode with less than this share of the hypotheses has no say in what the view shows."""
 
 
-@dataclass(frozen=True)
-class Projection:
+class Projection(Record, frozen=True):
     """Points [n, 2] of one hypothesis set, NaN where one cannot be shown, within [-1, 1].
 
     ``chosen`` [n] are the indices of the hypotheses, ``labels`` [n] the motions of their modes;

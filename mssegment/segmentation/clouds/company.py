@@ -2,21 +2,18 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from mssegment.hypotheses import AGREEMENT, NEIGHBOURS, nearest_neighbours
 from mssegment.motions import Flags
-from mssegment.records import Floats, Integers
+from mssegment.records import Floats, Integers, Record
 from mssegment.segmentation.selection import Problem
 
 AROUND = 20
 """A track's misfit comes from hypotheses whose seed is among so many nearest tracks."""
 
 
-@dataclass(frozen=True)
-class Company:
+class Company(Record, frozen=True):
     """Tracks among the hypotheses of one set.
 
     ``shares`` [P, modes]: of the hypotheses of each track, the share that climbs to each mode. A

@@ -8,12 +8,11 @@ union would cost, against how well the tracks at their common border agree.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
 
-from mssegment.records import Floats, Integers
+from mssegment.records import Floats, Integers, Record
 from mssegment.segmentation.consensus.outliers import extent
 from mssegment.segmentation.consensus.spectral import embedding, partition, sharpen
 
@@ -47,8 +46,7 @@ def principal_components(points: Floats) -> Floats:
     return np.asarray(vectors @ directions[:, : -DIMENSIONS - 1 : -1])
 
 
-@dataclass(frozen=True)
-class Cloud:
+class Cloud(Record, frozen=True):
     """A robust Student-t cloud: ``middle`` [D], the Cholesky factor ``lower`` [D, D] of its S."""
 
     middle: Floats

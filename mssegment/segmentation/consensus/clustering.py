@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
 from mssegment.errors import DataError
 from mssegment.motions import Flags
-from mssegment.records import NOT_JUDGED, OUTLIER, Floats, HypothesisSet, Integers
+from mssegment.records import NOT_JUDGED, OUTLIER, Floats, HypothesisSet, Integers, Record
 from mssegment.segmentation.consensus.bodies import Bodies
 from mssegment.segmentation.consensus.comembership import (
     CoMembership,
@@ -35,8 +34,7 @@ SMALLEST, SMALLEST_SHARE = 8, 0.02
 tracks need the first only: what crosses the picture quickly leaves few."""
 
 
-@dataclass(frozen=True)
-class Consensus:
+class Consensus(Record, frozen=True):
     """The outcome: ``labels`` [P] 1..m by size, 0 outlier, -2 seen too briefly.
 
     ``misfit`` [P] is that of ``Misfit`` (pixels); ``evidence`` names the kinds of

@@ -2,19 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 import numpy.typing as npt
 
-from mssegment.records import Floats, HypothesisSet, Integers
+from mssegment.records import Floats, HypothesisSet, Integers, Record
 from mssegment.segmentation.consensus.evidence import EVIDENCE
 
 Singles = npt.NDArray[np.float32]
 
 
-@dataclass(frozen=True)
-class CoMembership:
+class CoMembership(Record, frozen=True):
     """Agreement of every two tracks on the sets of one kind.
 
     ``agreement`` [P, P] sums over the sets that both tracks are seen in, ``shared`` [P, P] counts
