@@ -65,6 +65,30 @@ def test_paths_are_relative_to_the_configuration(tmp_path: Path) -> None:
     assert found.camera.file == str(tmp_path / "c.yaml")
 
 
+WORDS = ["yes", "true", "on", "no", "false", "off", "null", "none", "auto", "y", "inf", "nan", "e"]
+
+
+@given(
+    st.one_of(
+        st.text("0123456789._-+eE:", min_size=1, max_size=18),
+        st.sampled_from(WORDS).flatmap(
+            lambda word: st.sampled_from([word, word.upper(), word.capitalize(), word.swapcase()])
+        ),
+        st.from_regex(r"[a-zA-Z]{1,5}", fullmatch=True),
+    )
+)
+def test_text_means_what_yaml_says_also_where_yaml_is_not_loaded(text: str) -> None:
+    try:
+        expected = yaml.safe_load(text)
+    except (yaml.YAMLError, ValueError):
+        with pytest.raises(ConfigurationError):
+            from_text([f"input.tracks={text}"])
+        return
+    (found,) = from_text([f"input.tracks={text}"])
+    assert type(found.value) is type(expected)
+    assert found.value == expected or found.value != found.value  # nan
+
+
 def test_one_path_may_stand_for_a_list() -> None:
     assert resolve(from_text(["input.images=clip.mp4"])).input.images == ["clip.mp4"]
 

@@ -12,6 +12,9 @@ from typing import Annotated, Any, Literal, get_args, get_origin
 import msgspec
 from msgspec import Meta
 
+from mssegment.errors import ConfigurationError, MssegmentError
+from mssegment.records import Record
+
 Auto = Literal["auto"]
 
 
@@ -204,7 +207,7 @@ class Configuration(Section, frozen=True):
     report: ReportSettings = ReportSettings()
 
 
-class Key(msgspec.Struct, frozen=True):
+class Key(Record, frozen=True):
     """One setting: its dotted key, its type for msgspec, its default and its sentence."""
 
     name: str
@@ -267,3 +270,23 @@ def _keys_of(section: type[Section], prefix: str) -> dict[str, Key]:
 
 KEYS: dict[str, Key] = _keys_of(Configuration, "")
 """Every setting by its dotted key, in the order of config.yaml."""
+
+
+class Setting(Record, frozen=True):
+    """A value for one key, where it came from, and the error it is when it is wrong."""
+
+    key: str
+    value: Any
+    origin: str
+    error: type[MssegmentError] = ConfigurationError
+
+
+def check_key(key: str, origin: str) -> None:
+    """Raises ConfigurationError, with the nearest key, for one that there is not."""
+    if key in KEYS:
+        return
+    import difflib
+
+    near = difflib.get_close_matches(key, KEYS, n=1, cutoff=0.5)
+    hint = f"did you mean {near[0]}?" if near else "`mssegment init` shows all keys"
+    raise ConfigurationError(f"{origin}: unknown key {key}; {hint}")

@@ -1,0 +1,111 @@
+"""YAML: a configuration, a camera, or one value, each error with its place.
+
+In a file of its own, because most commands read none, and loading PyYAML takes longer than all
+the rest of the configuration.
+"""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from mssegment.configuration.settings import KEYS, Setting, check_key
+from mssegment.errors import ConfigurationError
+
+_PATH_KEYS = ("input.images", "input.tracks", "camera.file", "report.labels")
+
+
+def read_settings(path: str) -> list[Setting]:
+    """The settings in a file; raises ConfigurationError, see ``configuration.from_file``."""
+    try:
+        text = Path(path).read_text(encoding="utf-8")
+    except FileNotFoundError:
+        raise ConfigurationError(
+            f"{path}: no such configuration; `mssegment init` writes one to start from"
+        ) from None
+    except (OSError, UnicodeDecodeError) as error:
+        raise ConfigurationError(f"{path}: cannot be read ({error})") from None
+    return [_relative_to(Path(path).parent, s) for s in _flatten(_compose(text, path), path)]
+
+
+def read_camera(path: str) -> list[Setting]:
+    """The settings ``camera.*`` in a file; raises ConfigurationError where it holds others."""
+    try:
+        node = _compose(Path(path).read_text(encoding="utf-8"), path)
+    except (OSError, UnicodeDecodeError) as error:
+        raise ConfigurationError(f"{path}: the camera cannot be read ({error})") from None
+    if not isinstance(node, yaml.MappingNode):
+        raise ConfigurationError(f"{path}: fx, fy, cx, cy were expected")
+    settings = _flatten(node, path, section="camera")
+    if any(s.key in ("camera.file", "camera.derotate") for s in settings):
+        raise ConfigurationError(f"{path}: a camera file holds fx, fy, cx, cy, distortion only")
+    return settings
+
+
+def value_of(text: str, origin: str) -> Any:
+    """What ``text`` stands for; raises ConfigurationError."""
+    node = _compose(text, origin)
+    return "" if node is None else _value(node, origin)
+
+
+def _compose(text: str, path: str) -> yaml.Node | None:
+    try:
+        return yaml.compose(text, Loader=yaml.SafeLoader)
+    except yaml.MarkedYAMLError as error:
+        mark = error.problem_mark
+        place = f":{mark.line + 1}:{mark.column + 1}" if mark else ""
+        raise ConfigurationError(f"{path}{place}: not YAML ({error.problem})") from None
+    except yaml.YAMLError as error:
+        raise ConfigurationError(f"{path}: not YAML ({' '.join(str(error).split())})") from None
+
+
+def _flatten(node: yaml.Node | None, path: str, section: str = "") -> list[Setting]:
+    """The settings below a YAML node, each with its line and column."""
+    if node is None or node.tag.endswith(":null"):
+        return []
+    if not isinstance(node, yaml.MappingNode):
+        what = f"{section}: keys below it were" if section else "keys (`section: ...`) were"
+        raise ConfigurationError(f"{path}{_place(node)}: {what} expected")
+    settings: list[Setting] = []
+    seen: set[str] = set()
+    for key_node, value_node in node.value:
+        origin = f"{path}{_place(key_node)}"
+        name = str(key_node.value)
+        key = f"{section}.{name}" if section else name
+        if key in seen:
+            raise ConfigurationError(f"{origin}: {key} is there twice; remove one")
+        seen.add(key)
+        if not section and any(k.startswith(f"{name}.") for k in KEYS):
+            settings += _flatten(value_node, path, name)
+            continue
+        check_key(key, origin)
+        settings.append(Setting(key, _value(value_node, origin), origin))
+    return settings
+
+
+def _value(node: yaml.Node, origin: str) -> Any:
+    loader = yaml.SafeLoader("")
+    try:
+        return loader.construct_document(node)
+    except (yaml.YAMLError, ValueError) as error:
+        # ValueError: a scalar that looks like a date or a number and is none
+        reason = getattr(error, "problem", None) or error
+        raise ConfigurationError(f"{origin}: no plain YAML value ({reason})") from None
+    finally:
+        loader.dispose()
+
+
+def _place(node: yaml.Node) -> str:
+    return f":{node.start_mark.line + 1}:{node.start_mark.column + 1}"
+
+
+def _relative_to(folder: Path, setting: Setting) -> Setting:
+    if setting.key not in _PATH_KEYS or setting.value is None:
+        return setting
+    several = setting.value if isinstance(setting.value, list) else [setting.value]
+    moved = [os.path.normpath(folder / p) if isinstance(p, str) else p for p in several]
+    value = moved if isinstance(setting.value, list) else moved[0]
+    return Setting(setting.key, value, setting.origin, setting.error)
