@@ -4,12 +4,17 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as arrays
 from scipy.spatial import cKDTree
 from scipy.special import polygamma
 from scipy.stats import chi2
 
 from mssegment.neighbours import nearest, pairs_within
-from mssegment.special import chi_square_quantile, trigamma_of_half
+from mssegment.special import chi_square_quantile, distinct, quantile, trigamma_of_half
+
+finite = st.floats(-1e6, 1e6)
 
 
 @pytest.mark.parametrize("freedom", [1, 2, 3, 5, 40, 600])
@@ -19,6 +24,21 @@ def test_special_functions(freedom):
         expected = chi2.ppf(share, freedom)
         assert chi_square_quantile(freedom, share) == pytest.approx(expected, rel=exact)
     assert trigamma_of_half(freedom) == pytest.approx(polygamma(1, freedom / 2), rel=1e-11)
+
+
+@given(st.lists(st.integers(-3, 4) | st.integers(-(2**62), 2**62)))
+def test_distinct_numbers(values):
+    expected = np.unique(np.array(values, dtype=np.int64))
+    np.testing.assert_array_equal(distinct(values), expected)
+
+
+@given(
+    arrays.arrays(float, st.tuples(st.integers(1, 3), st.integers(1, 9)), elements=finite),
+    st.floats(0, 1),
+)
+def test_quantiles_to_the_last_bit(values, share):
+    np.testing.assert_array_equal(quantile(values, share), np.quantile(values, share, axis=1))
+    np.testing.assert_array_equal(quantile(values[0], share), np.quantile(values[0], share))
 
 
 @pytest.mark.parametrize(

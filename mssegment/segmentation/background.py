@@ -14,6 +14,7 @@ import numpy as np
 from mssegment.motions import Flags
 from mssegment.neighbours import nearest
 from mssegment.records import BACKGROUND, OUTLIER, Floats, Integers, Record
+from mssegment.special import distinct, quantile
 
 BANDWIDTH = 2.0
 """Pixels, for the mean shift over the displacements."""
@@ -96,7 +97,7 @@ def _wavering(points: Floats, distance: Floats, still: Flags) -> Flags:
         return found
     reach = _quantile(distance[judged], LEAST_FRAMES)
     quiet = still[judged]
-    weak = ~quiet & (reach < WAVERING * np.quantile(reach[quiet], LEAST_FRAMES))
+    weak = ~quiet & (reach < WAVERING * quantile(reach[quiet], LEAST_FRAMES))
     place = np.nanmean(points[judged], axis=1)
     _, near = nearest(place, place, NEIGHBOURS + 1)
     while True:
@@ -175,7 +176,7 @@ def _cells_filled(points: Floats, still: Flags, frame_size: Sequence[int]) -> fl
     """Share of the occupied cells of a grid over the picture that hold a still track."""
     size = np.maximum(frame_size, points.max(axis=0) + 1)
     cell = np.clip((points / size * GRID).astype(int), 0, GRID - 1) @ [1, GRID]
-    return len(np.unique(cell[still])) / len(np.unique(cell))
+    return len(distinct(cell[still])) / len(distinct(cell))
 
 
 def _quantile(values: Floats, share: float) -> Floats:
@@ -183,7 +184,7 @@ def _quantile(values: Floats, share: float) -> Floats:
     known = np.isfinite(values).all(axis=1)
     found = np.empty(len(values))
     if known.any():
-        found[known] = np.quantile(values[known], share, axis=1)
+        found[known] = quantile(values[known], share)
     if not known.all():
         found[~known] = np.nanquantile(values[~known], share, axis=1)
     return found

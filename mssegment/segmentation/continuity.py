@@ -18,6 +18,7 @@ from mssegment.records import Floats, Integers
 from mssegment.segmentation.candidates import Candidates, join
 from mssegment.segmentation.description import Description
 from mssegment.segmentation.selection import Problem
+from mssegment.special import distinct
 
 NEIGHBOURS = 6
 """Nearest labelled tracks of a track; those of another motion lie across a border."""
@@ -67,7 +68,7 @@ def continuous(
     found = []
     for a, b in combinations(range(len(chosen)), 2):
         one, other = _across(labels[kept], near, a + 1, b + 1)
-        if min(len(np.unique(one)), len(np.unique(other))) < BORDER:
+        if min(len(distinct(one)), len(distinct(other))) < BORDER:
             continue
         way = np.linspace(places[one], places[other], STEPS)
         gap = _transferred(problem, chosen, a, way) - _transferred(problem, chosen, b, way)

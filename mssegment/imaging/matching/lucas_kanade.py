@@ -19,6 +19,7 @@ from mssegment.imaging.matching.views import Indices, Singles
 from mssegment.imaging.pictures import Grey
 from mssegment.imaging.pyramid import Level
 from mssegment.records import Floats, Record
+from mssegment.special import distinct
 
 RADIUS = 9
 STEPS = 12
@@ -186,7 +187,7 @@ def register(
 def _blocks(levels: Indices, then: Indices) -> Iterator[tuple[Indices, int]]:
     """Rows of one of ``levels`` each, at most BLOCK, ordered by the level ``then``; the level."""
     order = np.lexsort((then, levels))
-    for level in np.unique(levels):
+    for level in distinct(levels):
         rows = order[levels[order] == level]
         for block in np.array_split(rows, -(-len(rows) // BLOCK)):
             yield block, int(level)
