@@ -12,7 +12,7 @@ from scipy.special import polygamma
 from scipy.stats import chi2
 
 from mssegment.neighbours import nearest, pairs_within
-from mssegment.special import chi_square_quantile, distinct, quantile, trigamma_of_half
+from mssegment.special import chi_square_quantile, distinct, median, quantile, trigamma_of_half
 
 finite = st.floats(-1e6, 1e6)
 
@@ -30,6 +30,11 @@ def test_special_functions(freedom):
 def test_distinct_numbers(values):
     expected = np.unique(np.array(values, dtype=np.int64))
     np.testing.assert_array_equal(distinct(values), expected)
+
+
+@given(arrays.arrays(float, st.integers(1, 9), elements=finite))
+def test_median_to_the_last_bit(values):
+    assert median(values) == np.median(values)
 
 
 @given(

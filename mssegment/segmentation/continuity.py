@@ -18,7 +18,7 @@ from mssegment.records import Floats, Integers
 from mssegment.segmentation.candidates import Candidates, join
 from mssegment.segmentation.description import Description
 from mssegment.segmentation.selection import Problem
-from mssegment.special import distinct
+from mssegment.special import distinct, median
 
 NEIGHBOURS = 6
 """Nearest labelled tracks of a track; those of another motion lie across a border."""
@@ -74,7 +74,7 @@ def continuous(
         gap = _transferred(problem, chosen, a, way) - _transferred(problem, chosen, b, way)
         least = np.sqrt((gap**2).sum(axis=-1)).min(axis=0)
         noise = TOLERANCE * np.hypot(chosen.scales[a], chosen.scales[b])
-        if np.median(least / np.hypot(noise, parallax[one])) < 1:
+        if median(least / np.hypot(noise, parallax[one])) < 1:
             found.append((a, b))
     return found
 

@@ -31,7 +31,7 @@ from mssegment.segmentation.selection import (
     Selection,
     View,
 )
-from mssegment.special import chi_square_quantile
+from mssegment.special import chi_square_quantile, median
 
 BANDWIDTH_CONSTANT = 1.0
 """Times the median distance to the (0.05 n)-th nearest hypothesis: the bandwidth ``auto``."""
@@ -240,7 +240,7 @@ def _noise_limit(residuals: Floats, dimension: int) -> float:
     if not len(residuals):
         return 0.0
     tail, half = (chi_square_quantile(dimension, share) for share in (1 - TAIL, 0.5))
-    return float(np.median(residuals) * np.sqrt(tail / half))
+    return float(median(residuals) * np.sqrt(tail / half))
 
 
 def _residuals(views: Sequence[View], chosen: Sequence[Chosen], tracks: int) -> Floats:

@@ -16,7 +16,7 @@ import numpy as np
 from mssegment.motions import Flags, MotionModel
 from mssegment.records import Floats, Record
 from mssegment.segmentation.selection import View
-from mssegment.special import chi_square_quantile, trigamma_of_half
+from mssegment.special import chi_square_quantile, median, trigamma_of_half
 
 GRID = 0.02
 """Step of the grid of log residuals (2 % of a residual)."""
@@ -80,7 +80,7 @@ def inlier_limit(nearest: Floats, model: MotionModel) -> float:
     farthest = float(length.max())
     start = length <= first_minimum(length, c, max(least, len(length) // 5))
     sigma, share = float(np.sqrt(np.mean(length[start] ** 2) / c)), float(start.mean())
-    sigma = max(min(sigma, float(np.median(length[start])) / _chi_median(c)), LEAST_RESIDUAL)
+    sigma = max(min(sigma, median(length[start]) / _chi_median(c)), LEAST_RESIDUAL)
     for _ in range(MIXTURE_ROUNDS):
         inlier = share * _chi_density(length / sigma, c) / sigma
         outlier = (1.0 - share) * c * length ** (c - 1) / farthest**c
