@@ -210,6 +210,17 @@ def test_default_cloud_agrees_with_the_manifolds_own(manifold, rng):
         np.testing.assert_allclose(a, b, atol=1e-10)
 
 
+def test_nearest_points_of_a_cloud_are_those_of_all(manifold, rng):
+    """Also where most pairs are never looked at, and where points coincide."""
+    y = manifold.random_point(rng, 40)
+    y = np.concatenate([y, manifold.exp(y, 0.01 * manifold.random_tangent(y, rng)), y[:5]])
+    cloud = manifold.cloud(y, 0.3)
+    for count in (1, 7, 80):
+        found = np.sort(cloud.nearest(y[:9], count), axis=1)
+        whole = np.sort(cloud.seen_from(y[:9]).z, axis=1)[:, : count + 1]
+        np.testing.assert_allclose(found, whole, rtol=1e-9, atol=1e-12)
+
+
 def test_single_precision_is_near(manifold, rng):
     x, y = manifold.random_point(rng, 4), manifold.random_point(rng, 9)
     near, exact = (

@@ -135,11 +135,28 @@ def test_pruned_pairs_are_only_those_out_of_reach(group: MatrixGroup, rng):
             np.testing.assert_allclose(a, b, atol=tolerance)
 
 
-def test_lower_bound_of_the_distance(rng):
-    """log(1 + |m - I|_F) <= |log m|_F, by which pairs are left out."""
-    m = AffineGroup().random_point(rng, 500)
-    bound = np.log1p(np.linalg.norm(m - IDENTITY, axis=(1, 2)))
-    assert (bound <= AffineGroup().dist(IDENTITY, m) + 1e-12).all()
+@pytest.mark.parametrize("group", [AffineGroup(), SpecialLinear()])
+def test_lower_bound_of_the_distance(group: MatrixGroup, rng):
+    """|m - m^-1|_F / 2 <= sinh |log m|_F, by which pairs are left out."""
+    m = group.random_point(rng, 500)
+    bound = np.arcsinh(0.5 * np.linalg.norm(m - np.linalg.inv(m), axis=(1, 2)))
+    assert (bound <= group.dist(IDENTITY, m) + 1e-12).all()
+
+
+def test_logarithms_of_special_linear_at_every_distance(rng):
+    """Few nodes, more, and square roots: each takes over where the one before ends."""
+    group = SpecialLinear()
+    v = group.random_tangent(np.broadcast_to(IDENTITY, (3000, 3, 3)), rng)
+    v *= rng.uniform(0.0, 3.0, (3000, 1, 1))
+    first = np.moveaxis(np.array([scipy.linalg.expm(each) for each in v]), 0, 2)
+    for kind, tolerance in ((np.float64, 1e-12), (np.float32, 2e-5)):
+        for some in (v, v[np.linalg.norm(v, axis=(1, 2)) < 0.3]):
+            place = np.flatnonzero(np.isin(v[:, 0, 0], some[:, 0, 0]))
+            found = group.algebra_log(first[:, :, place].astype(kind))
+            np.testing.assert_allclose(np.moveaxis(found, 2, 0), some, atol=tolerance)
+    near = group.algebra_log(first, within=1.5)
+    inside = np.linalg.norm(v, axis=(1, 2)) < 1.5
+    np.testing.assert_allclose(np.moveaxis(near, 2, 0)[inside], v[inside], atol=1e-12)
 
 
 def test_gradient_of_equation_21_is_ten_percent_off_at_length_0_3(rng):

@@ -39,12 +39,7 @@ class AffineGroup(MatrixGroup):
         """6."""
         return 6
 
-    def algebra_exp(self, v: Array) -> Array:
-        """The exponential of [L v; 0 0], both (2, 3, ...)."""
-        flat = np.reshape(v, (2, 3, int(np.prod(np.shape(v)[2:]))))
-        return _assemble(flat, *_psi(*_split(flat)), one=1.0).reshape(np.shape(v))
-
-    def algebra_log(self, m: Array) -> Array:
+    def algebra_log(self, m: Array, within: float = np.inf) -> Array:
         """The principal logarithm of [A b; 0 1], both (2, 3, ...).
 
         NaN where no logarithm is real: det A <= 0, or negative real eigenvalues.
@@ -148,37 +143,6 @@ def _atanh_ratio(x: Array) -> Array:
 def _phi_by_eigenvalue(s: Array, c: Array) -> tuple[Array, Array]:
     root = np.sqrt(c)
     return _mean_and_difference(_ratio(np.log1p, s + root), _ratio(np.log1p, s - root), root)
-
-
-def _psi(s: Array, c: Array) -> tuple[Array, Array]:
-    """p and q of psi(z) = (e^z - 1) / z at the eigenvalues z = s +- sqrt c, as in ``_phi``."""
-    root = np.sqrt(np.abs(c))
-    with np.errstate(all="ignore"):
-        scale = np.exp(s)
-        even = scale * np.where(c > 0, np.cosh(root), np.cos(root)) - 1.0
-        odd = scale * np.where(c > 0, _ratio(np.sinh, root), np.sinc(root / np.pi))
-        determinant = s * s - c
-        p, q = (even * s - odd * c) / determinant, (odd * s - even) / determinant
-        near = np.abs(s) + root < 1.0
-        single = ~near & (c > 0) & (np.abs(determinant) < 1e-2 * (1 + s * s))
-        _fill(near, _psi_near, s, c, p, q)
-        _fill(single, _psi_by_eigenvalue, s, c, p, q)
-    return p, q
-
-
-def _psi_near(s: Array, c: Array) -> tuple[Array, Array]:
-    p, q = np.zeros_like(s), np.zeros_like(s)
-    root = np.sqrt(np.abs(c))
-    for t, w in _DOUBLE:
-        scale = w * np.exp(t * s)
-        p += scale * np.where(c > 0, np.cosh(t * root), np.cos(t * root))
-        q += scale * t * np.where(c > 0, _ratio(np.sinh, t * root), np.sinc(t * root / np.pi))
-    return p, q
-
-
-def _psi_by_eigenvalue(s: Array, c: Array) -> tuple[Array, Array]:
-    root = np.sqrt(c)
-    return _mean_and_difference(_ratio(np.expm1, s + root), _ratio(np.expm1, s - root), root)
 
 
 def _mean_and_difference(above: Array, below: Array, root: Array) -> tuple[Array, Array]:

@@ -51,11 +51,8 @@ class View(ABC):
 class Cloud(ABC):
     """n fixed points of a manifold, prepared once for being seen from many places.
 
-    ``rows`` is how many places to look from at a time so that the work stays in the cache;
-    ``selective`` whether points out of reach cost less than others.
+    ``rows`` is how many places to look from at a time so that the work stays in the cache.
     """
-
-    selective: bool = False
 
     manifold: Manifold
     size: int
@@ -65,6 +62,12 @@ class Cloud(ABC):
     @abstractmethod
     def seen_from(self, x: Floats) -> View:
         """The view from the places ``x`` [m, ...]."""
+
+    def nearest(self, x: Floats, count: int) -> Array:
+        """The z of the ``count`` + 1 points nearest to each of ``x``, the last one last, [m, k]."""
+        z = self.seen_from(x).z
+        z.partition(count, axis=1)
+        return z[:, : count + 1]
 
 
 class Manifold(ABC):

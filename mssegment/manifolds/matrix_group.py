@@ -9,6 +9,8 @@ pairs of points; r may leave out constant last rows.
 from __future__ import annotations
 
 from abc import abstractmethod
+from functools import cached_property
+from math import factorial
 from typing import ClassVar
 
 import numpy as np
@@ -18,6 +20,15 @@ from mssegment.manifolds.base import CACHE_NUMBERS, Array, Cloud, Manifold, View
 from mssegment.records import Floats, Integers
 
 BERNOULLI_TERMS = 40
+FARTHEST = 3.0
+"""Where pairs further apart than this matter, looking for those that do not saves nothing."""
+SLACK = 1.001
+"""Rounding must not leave out what is just within reach."""
+ROUNDING = 1e-15
+SPARE = 8
+"""Pairs more than twice as many as are asked for, among which the nearest ones are looked for."""
+HALVED = 0.3
+"""The exponential of anything longer is that of its half, squared."""
 DENSE = 0.5
 """The share of pairs within reach above which all logarithms at once are faster."""
 
@@ -58,12 +69,11 @@ class MatrixGroup(Manifold):
         return f"{self.family}({self.order}{',exact' if self.exact_gradient else ''})"
 
     @abstractmethod
-    def algebra_exp(self, v: Array) -> Array:
-        """The matrix exponential (16) of ``v`` (rows, size, ...)."""
+    def algebra_log(self, m: Array, within: float = np.inf) -> Array:
+        """The principal matrix logarithm (17) of ``m`` (rows, size, ...); NaN if not real.
 
-    @abstractmethod
-    def algebra_log(self, m: Array) -> Array:
-        """The principal matrix logarithm (17) of ``m`` (rows, size, ...); NaN if not real."""
+        Those longer than ``within`` may be NaN, too.
+        """
 
     @abstractmethod
     def onto_algebra(self, v: Array) -> Array:
@@ -78,17 +88,15 @@ class MatrixGroup(Manifold):
         """Matrices (..., size, size) with the matrix axes first, constant rows left out."""
         return np.ascontiguousarray(np.moveaxis(x, (-2, -1), (0, 1))[: self.rows])
 
-    def _last(self, m: Array, corner: float = 0.0) -> Floats:
-        """The inverse of ``_first``; ``corner`` is the last entry of the constant row."""
+    def _last(self, m: Array) -> Floats:
+        """The inverse of ``_first`` for elements of the algebra: a constant row is zero."""
         whole = np.zeros((self.size, self.size, *m.shape[2:]))
         whole[: self.rows] = m
-        if self.rows < self.size:
-            whole[-1, -1] = corner
         return np.ascontiguousarray(np.moveaxis(whole, (0, 1), (-2, -1)))
 
     def exp(self, x: Floats, v: Floats) -> Floats:
         """Equation (18), x exp(x^-1 v)."""
-        return np.asarray(x @ self._last(self.algebra_exp(self._first(_solve(x, v))), corner=1.0))
+        return np.asarray(x @ _exponential(_solve(x, v)))
 
     def log(self, x: Floats, y: Floats) -> Floats:
         """Equation (19), x log(x^-1 y); NaN where there is no real logarithm."""
@@ -97,6 +105,10 @@ class MatrixGroup(Manifold):
     def inner(self, x: Floats, u: Floats, v: Floats) -> Floats:
         """tr((x^-1 u)' x^-1 v), the left-invariant inner product that belongs to (20)."""
         return np.asarray(np.sum(_solve(x, u) * _solve(x, v), axis=(-2, -1)))
+
+    def norm(self, x: Floats, v: Floats) -> Floats:
+        """|x^-1 v|_F."""
+        return np.asarray(np.linalg.norm(_solve(x, v), axis=(-2, -1)))
 
     def dist(self, x: Floats, y: Floats) -> Floats:
         """Equation (20), |log x^-1 y|_F; infinite where there is no real logarithm."""
@@ -156,12 +168,10 @@ class MatrixGroup(Manifold):
 
 
 class _GroupCloud(Cloud):
-    """All x^-1 y of a block are one matrix product; then one batched logarithm.
+    """All a = x^-1 y of a block are one matrix product, all a^-1 another; then few logarithms.
 
-    |log a|_F >= log(1 + |a - I|_F), so that pairs out of reach need no logarithm.
+    sinh |log a|_F >= |a - a^-1|_F / 2, so that pairs out of reach need none.
     """
-
-    selective = True
 
     def __init__(
         self, group: MatrixGroup, y: Floats, bandwidth: float, precise: bool, reach: float
@@ -171,48 +181,106 @@ class _GroupCloud(Cloud):
         self.rows = max(1, CACHE_NUMBERS // max(1, 8 * self.size))
         magnitude = float(np.max(np.abs(y), initial=1.0)) ** 2
         self.dtype = precision(precise, magnitude * bandwidth, bandwidth) or np.dtype(np.float64)
-        columns = np.moveaxis(y, 0, 2).reshape(group.size, group.size * len(y))
-        self.columns = np.ascontiguousarray(columns, dtype=self.dtype)
-        with np.errstate(over="ignore"):
-            self.farthest2 = np.expm1(reach * bandwidth) ** 2
+        self.reach = reach * bandwidth
+        self.columns = self._columns(y.transpose(1, 2, 0))
+        self._points = y
+
+    @cached_property
+    def inverses(self) -> Array:
+        """The inverses of the points, as columns (size, rows n)."""
+        return self._columns(_inverse(self._points).transpose(2, 1, 0)[:, : self.group.rows])
+
+    def _columns(self, entries: Array) -> Array:
+        """Matrices (r, s, n) as one (r, s n)."""
+        whole = np.ascontiguousarray(entries, dtype=self.dtype)
+        return whole.reshape(len(whole), -1)
+
+    def ratios(self, x: Floats) -> Array:
+        """x^-1 y for the places ``x`` [m, ...] and all points, (rows, m, size, n)."""
+        inverse = np.moveaxis(_inverse(x), 0, 1)[: self.group.rows].astype(self.dtype)
+        ratio = inverse.reshape(-1, self.group.size) @ self.columns
+        return ratio.reshape(self.group.rows, len(x), self.group.size, self.size)
+
+    def sinh2(self, x: Floats, ratio: Array) -> Array:
+        """The squared norms [m, n] of the hyperbolic sines of the logarithms of ``ratio``."""
+        forward = x.transpose(2, 0, 1).astype(self.dtype)
+        back = forward.reshape(-1, self.group.size) @ self.inverses
+        back = back.reshape(self.group.size, len(x), self.group.rows, self.size)
+        total = np.zeros((len(x), self.size), dtype=self.dtype)
+        for i in range(self.group.rows):
+            for j in range(self.group.size):
+                twice = ratio[i, :, j] - back[j, :, i]
+                twice *= twice
+                total += twice
+        total *= 0.25
+        return total
+
+    def logs_at(self, ratio: Array, pairs: Integers) -> Array:
+        """The logarithms (rows, size, k) of some of the ``pairs`` [k], indices into [m, n]."""
+        start = pairs + pairs // self.size * ((self.group.size - 1) * self.size)
+        places = [start + j * self.size for j in range(self.group.size)]
+        some = [[row.ravel().take(place) for place in places] for row in ratio]
+        return self.group.algebra_log(np.array(some), self.reach)
 
     def seen_from(self, x: Floats) -> View:
         return _GroupView(self, x)
+
+    def nearest(self, x: Floats, count: int) -> Array:
+        """As ``Cloud.nearest``: logarithms only of pairs that can be so near.
+
+        Those are the first when all pairs are ordered by their hyperbolic sine, with some to spare;
+        the next one must be beyond what was found.
+        """
+        spare = 2 * count + SPARE
+        if spare >= self.size:
+            return super().nearest(x, count)
+        ratio = self.ratios(x)
+        sinh2 = self.sinh2(x, ratio)
+        order = np.argpartition(sinh2, spare, axis=1)[:, : spare + 1]
+        pairs = order + np.arange(len(x))[:, None] * self.size
+        z = _length2(self.logs_at(ratio, pairs.ravel())).reshape(order.shape)
+        z = np.sort(z, axis=1)[:, : count + 1]
+        beyond = np.arcsinh(np.sqrt(sinh2.ravel()[pairs[:, -1]]))
+        z /= self.bandwidth**2
+        short = np.flatnonzero(~(z[:, -1] <= (beyond / self.bandwidth) ** 2))
+        if short.size:
+            z[short] = super().nearest(x[short], count)
+        return z
 
 
 class _GroupView(View):
     def __init__(self, cloud: _GroupCloud, x: Floats) -> None:
         self._cloud, self._x = cloud, x
-        group, shape = cloud.group, (len(x), cloud.size)
-        inverse = np.moveaxis(_inverse(x), 0, 1)[: group.rows].astype(cloud.dtype)
-        inverse = inverse.reshape(group.rows * len(x), group.size)
-        ratio = (inverse @ cloud.columns).reshape(group.rows, len(x), group.size, cloud.size)
-        ratio = np.moveaxis(ratio, 2, 1)
+        ratio = cloud.ratios(x)
         self._pairs = self._within_reach(ratio)
         if self._pairs is None:
-            self._log = group.algebra_log(np.ascontiguousarray(ratio))
-            self.z = _length2(self._log) / cloud.bandwidth**2
+            whole = np.ascontiguousarray(np.moveaxis(ratio, 2, 1))
+            self._log = cloud.group.algebra_log(whole, cloud.reach)
+            self.z = self._length2() / cloud.bandwidth**2
         else:
-            near = np.stack([[a.ravel()[self._pairs] for a in row] for row in ratio])
-            self._log = group.algebra_log(near)
-            self.z = np.full(shape, np.inf, dtype=cloud.dtype)
-            self.z.ravel()[self._pairs] = _length2(self._log) / cloud.bandwidth**2
+            self._log = cloud.logs_at(ratio, self._pairs)
+            self.z = np.full((len(x), cloud.size), np.inf, dtype=cloud.dtype)
+            self.z.ravel()[self._pairs] = self._length2() / cloud.bandwidth**2
 
     def _within_reach(self, ratio: Array) -> Integers | None:
         """The pairs that may be within reach, or None where leaving out the others saves little."""
-        if not np.isfinite(self._cloud.farthest2):
+        if self._cloud.reach > FARTHEST:
             return None
-        away2 = np.zeros(ratio.shape[2:], dtype=ratio.dtype)
-        for i in range(ratio.shape[0]):
-            for j in range(ratio.shape[1]):
-                off = ratio[i, j] - float(i == j)
-                away2 += off * off
-        near = np.flatnonzero(away2 <= self._cloud.farthest2)
-        return near if near.size < DENSE * away2.size else None
+        sinh2 = self._cloud.sinh2(self._x, ratio)
+        near = np.flatnonzero(sinh2 <= np.sinh(SLACK * self._cloud.reach) ** 2)
+        return near if near.size < DENSE * sinh2.size else None
+
+    def _length2(self) -> Array:
+        """The squared lengths of the logarithms; where there is none, it becomes zero."""
+        length2 = _length2(self._log)
+        none = np.isinf(length2)
+        if none.any():
+            self._log[:, :, none] = 0.0
+        return length2
 
     def weighted_sum(self, weights: Array) -> tuple[Floats, Floats]:
         group = self._cloud.group
-        pull = np.nan_to_num(group.pull_of(self._log), nan=0.0, copy=False)
+        pull = group.pull_of(self._log)
         if self._pairs is None:
             sums = np.einsum("mn,ijmn->ijm", weights, pull)
         else:
@@ -234,12 +302,42 @@ def gauss_legendre(nodes: int) -> list[tuple[float, float]]:
     return list(zip((0.5 + 0.5 * t).tolist(), (vectors[0] ** 2).tolist(), strict=True))
 
 
+def _exponential(v: Floats) -> Floats:
+    """The matrix exponentials (16) of ``v`` [..., s, s]: Taylor's series after halving, squared.
+
+    The series is cut into pieces of four terms, which share the first powers (Paterson and
+    Stockmeyer, 1973).
+    """
+    longest = float(np.sqrt(np.max(np.einsum("...ij,...ij->...", v, v), initial=0.0)))
+    halvings = max(0, int(np.ceil(np.log2(longest / HALVED)))) if longest > HALVED else 0
+    powers = np.empty((4, *v.shape))
+    powers[0] = np.eye(v.shape[-1])
+    np.multiply(v, 0.5**halvings, out=powers[1])
+    np.matmul(powers[1], powers[1], out=powers[2])
+    np.matmul(powers[1], powers[2], out=powers[3])
+    fourth = powers[2] @ powers[2]
+    low, middle, high = (_TAYLOR @ powers.reshape(4, -1)).reshape(3, *v.shape)
+    total = low + fourth @ (middle + fourth @ high)
+    for _ in range(halvings):
+        total = total @ total
+    return np.asarray(total)
+
+
+_TAYLOR = np.array([1.0 / factorial(i) for i in range(12)]).reshape(3, 4)
+"""The coefficients of the exponential: what is left out is below 1e-14 of it."""
+
+
 def _inverse(x: Floats) -> Floats:
-    return np.asarray(np.linalg.inv(x))
+    return _solve(x, np.broadcast_to(np.eye(x.shape[-1]), x.shape))
 
 
 def _solve(x: Floats, y: Floats) -> Floats:
-    return np.asarray(np.linalg.solve(x, y))
+    """x^-1 y; matrices so long that double precision makes them singular are moved a little."""
+    try:
+        return np.asarray(np.linalg.solve(x, y))
+    except np.linalg.LinAlgError:
+        off = ROUNDING * np.abs(x).max(axis=(-2, -1), keepdims=True) * np.eye(x.shape[-1])
+        return np.asarray(np.linalg.solve(x + off, y))
 
 
 def _length2(log: Array) -> Array:

@@ -21,7 +21,7 @@ class RigidPlane(AffineGroup):
         """3."""
         return 3
 
-    def algebra_log(self, m: Array) -> Array:
+    def algebra_log(self, m: Array, within: float = np.inf) -> Array:
         """The logarithm of A(2); NaN for half a turn, where it is not unique."""
         return self.onto_algebra(super().algebra_log(m))
 

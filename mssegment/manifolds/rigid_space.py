@@ -27,23 +27,7 @@ class RigidSpace(MatrixGroup):
         """6."""
         return 6
 
-    def algebra_exp(self, v: Array) -> Array:
-        """The exponential of [W u; 0 0]: R = I + b W + c W^2, t = (I + c W + e W^2) u.
-
-        b = sin a / a, c = (1 - cos a) / a^2, e = (a - sin a) / a^3, a the angle.
-        """
-        w, u = v[:, :3], v[:, 3]
-        square = _product(w, w)
-        a2 = _angle2(w)
-        a = np.sqrt(a2)
-        b = np.sinc(a / np.pi)
-        c = 0.5 * np.sinc(0.5 * a / np.pi) ** 2
-        out = np.empty_like(v)
-        out[:, :3] = _identity(w) + b * w + c * square
-        out[:, 3] = u + c * _apply(w, u) + _third(a2) * _apply(square, u)
-        return out
-
-    def algebra_log(self, m: Array) -> Array:
+    def algebra_log(self, m: Array, within: float = np.inf) -> Array:
         """The principal logarithm of [R t; 0 1]; NaN for half a turn, where it is not unique.
 
         W = (R - R') a / (2 sin a), u = (I - W/2 + f W^2) t with f = (1 - a cot(a/2) / 2) / a^2.
@@ -82,22 +66,6 @@ class RigidSpace(MatrixGroup):
 
 def _angle2(w: Array) -> Array:
     return np.asarray(w[2, 1] ** 2 + w[0, 2] ** 2 + w[1, 0] ** 2)
-
-
-def _third(a2: Array) -> Array:
-    """(a - sin a) / a^3."""
-    a = np.sqrt(a2)
-    series = 1 / 6 - a2 / 120 + a2**2 / 5040 - a2**3 / 362880
-    with np.errstate(divide="ignore", invalid="ignore"):
-        return np.where(a < SMALL, series, (a - np.sin(a)) / (a2 * a))
-
-
-def _identity(like: Array) -> Array:
-    return np.eye(3, dtype=like.dtype).reshape(3, 3, *(1,) * (like.ndim - 2))
-
-
-def _product(a: Array, b: Array) -> Array:
-    return np.asarray(np.einsum("ij...,jk...->ik...", a, b))
 
 
 def _apply(a: Array, u: Array) -> Array:

@@ -9,11 +9,26 @@ from mssegment.manifolds.base import Array
 from mssegment.manifolds.matrix_group import MatrixGroup, gauss_legendre
 from mssegment.records import Floats
 
-_DOUBLE, _SINGLE = gauss_legendre(16), gauss_legendre(7)
-NEAR = 1.0
-"""|M - I|_F below which 16 quadrature nodes give the logarithm to 1e-14 (7: 1e-6)."""
+NEAR = (4.0, 2.4)
+"""Bounds of |tr M + tr M^-1 - 6| / 2 and |tr M - tr M^-1| / 2. Up to them, where both traces are
+positive, no eigenvalue is real and negative, and the quadrature gives the logarithm at once."""
+BEYOND = 2.2
+"""Logarithms outside are longer than this."""
 MOST_ROOTS, MOST_STEPS = 40, 20
-TAYLOR_TERMS = 14
+
+
+def _nodes(count: int) -> list[tuple[float, float]]:
+    """Half the nodes of Gauss and Legendre on [-1, 1], (1 - t^2) / 2 and weight."""
+    whole = [(2.0 * t - 1.0, 2.0 * w) for t, w in gauss_legendre(2 * count)]
+    return [(0.5 * (1.0 - t * t), w) for t, w in whole if t > 0]
+
+
+_SHARES = (0.075, 0.25)
+_NODES = {
+    np.dtype(np.float64): tuple(_nodes(count) for count in (5, 7, 12)),
+    np.dtype(np.float32): tuple(_nodes(count) for count in (2, 3, 5)),
+}
+"""Enough up to these shares of the bounds, and up to them, for logarithms to 1e-13 and to 3e-6."""
 
 
 class SpecialLinear(MatrixGroup):
@@ -30,43 +45,21 @@ class SpecialLinear(MatrixGroup):
         """8."""
         return 8
 
-    def algebra_exp(self, v: Array) -> Array:
-        """Equation (16) by Taylor's series after halving ``v`` (3, 3, ...), then squaring."""
-        length = float(np.sqrt(np.max(np.sum(v * v, axis=(0, 1)), initial=0.0)))
-        squarings = max(0, int(np.ceil(np.log2(4.0 * length)))) if length > 0.25 else 0
-        small = v / 2.0**squarings
-        total = _identity(v)
-        for i in range(TAYLOR_TERMS, 0, -1):
-            total = _identity(v) + _product(small, total) / i
-        for _ in range(squarings):
-            total = _product(total, total)
-        return total
+    def algebra_log(self, m: Array, within: float = np.inf) -> Array:
+        """Equation (17) of ``m`` (3, 3, ...); NaN where no logarithm is real.
 
-    def algebra_log(self, m: Array) -> Array:
-        """Equation (17) of ``m`` (3, 3, ...) by repeated square roots and a quadrature.
-
-        NaN where no logarithm is real: an eigenvalue is zero or real and negative.
+        That is where an eigenvalue is zero, or real and negative. Matrices that are far from the
+        identity are brought near to it by repeated square roots.
         """
         flat = np.reshape(m, (3, 3, int(np.prod(np.shape(m)[2:]))))
         with np.errstate(all="ignore"):
-            return self._log(flat).reshape(np.shape(m))
-
-    def _log(self, flat: Array) -> Array:
-        log = np.full_like(flat, np.nan)
-        todo = np.flatnonzero(_has_real_log(flat))
-        root = flat[:, :, todo]
-        for roots in range(MOST_ROOTS):
-            done = np.sum((root - _identity(root)) ** 2, axis=(0, 1)) < NEAR**2
-            log[:, :, todo[done]] = 2.0**roots * _log_near_identity(root[:, :, done])
-            todo, root = todo[~done], root[:, :, ~done]
-            if not todo.size:
-                break
-            root = _square_root(root)
-        return self.onto_algebra(log)
+            return _log(flat, within, MOST_ROOTS).reshape(np.shape(m))
 
     def onto_algebra(self, v: Array) -> Array:
         """``v`` without its trace."""
-        return np.asarray(v - _identity(v) * ((v[0, 0] + v[1, 1] + v[2, 2]) / 3.0))
+        out = np.array(v)
+        _add_to_diagonal(out, (v[0, 0] + v[1, 1] + v[2, 2]) / -3.0)
+        return out
 
     def project(self, x: Floats) -> Floats:
         """``x`` divided by the cube root of its determinant."""
@@ -77,10 +70,37 @@ class SpecialLinear(MatrixGroup):
         return np.asarray(np.abs(np.linalg.det(x) - 1.0))
 
 
-def _identity(like: Array) -> Array:
-    return np.broadcast_to(
-        np.eye(3, dtype=like.dtype).reshape(3, 3, *(1,) * (like.ndim - 2)), like.shape
+def _log(m: Array, within: float, roots: int) -> Array:
+    """The logarithms of ``m`` (3, 3, n) up to a length, by at most so many square ``roots``."""
+    inverse = _adjugate(m)
+    a, b = m[0, 0] + m[1, 1] + m[2, 2], inverse[0, 0] + inverse[1, 1] + inverse[2, 2]
+    even, odd = np.abs(0.5 * (a + b) - 3.0), np.abs(0.5 * (a - b))
+    near = (even < NEAR[0]) & (odd < NEAR[1]) & (a > 0) & (b > 0)
+    widest = max(
+        float(even.max(initial=0.0, where=near)) / NEAR[0],
+        float(odd.max(initial=0.0, where=near)) / NEAR[1],
     )
+    level = sum(widest > share for share in _SHARES)
+    log = _log_near_identity(m, inverse, a, b, _NODES[m.dtype][level])
+    far = np.flatnonzero(~near)
+    if far.size:
+        log[:, :, far] = np.nan
+        far = far[_has_real_log(m[:, :, far])]
+        if within > BEYOND and far.size and roots:
+            root = _square_root(m[:, :, far])
+            log[:, :, far] = 2.0 * _log(root, 0.5 * within, roots - 1)
+    return log
+
+
+def _adjugate(m: Array) -> Array:
+    """The inverses of ``m`` (3, 3, n), whose determinants are one."""
+    out = np.empty_like(m)
+    for i in range(3):
+        for j in range(3):
+            r, s, t, u = (i + 1) % 3, (i + 2) % 3, (j + 1) % 3, (j + 2) % 3
+            np.multiply(m[r, t], m[s, u], out=out[j, i])
+            out[j, i] -= m[r, u] * m[s, t]
+    return out
 
 
 def _add_to_diagonal(m: Array, numbers: Array) -> None:
@@ -147,23 +167,35 @@ def _square_root(m: Array) -> Array:
     return np.asarray(root)
 
 
-def _log_near_identity(m: Array) -> Array:
-    """log M = integral over [0, 1] of E (I + t E)^-1 dt, E = M - I, by Gauss and Legendre.
+def _log_near_identity(
+    m: Array, inverse: Array, a: Array, b: Array, nodes: list[tuple[float, float]]
+) -> Array:
+    """log M from M, its ``inverse``, their traces ``a`` and ``b``, by a quadrature.
 
-    By Cayley and Hamilton the integrand is a polynomial in E whose coefficients need only the
-    invariants of E: (I + t E)^-1 = ((1 + t a + t^2 b) I - t (1 + t a) E + t^2 E^2) / det(I + t E).
+    With sinh log M = (M - M^-1) / 2 and cosh log M = (M + M^-1) / 2 = I + E, log M is the integral
+    over t from 0 to 1 of sinh log M (I + (1 - t^2) E / 2)^-1 dt: even in log M, it needs half of
+    the nodes of one over M alone, in a wider region. By Cayley and Hamilton (M^2 = a M - b I +
+    M^-1) the integrand is p M - q M^-1 + r I, with p and q rational in the traces; r makes the
+    trace zero.
     """
-    e = m - _identity(m)
-    a, b, d = _invariants(e)
-    p, q, r = np.zeros_like(a), np.zeros_like(a), np.zeros_like(a)
-    for t, w in _DOUBLE if m.dtype == np.float64 else _SINGLE:
-        linear = 1.0 + t * a
-        quadratic = linear + (t * t) * b
-        over = w / (quadratic + t**3 * d)
-        p += quadratic * over
-        q -= t * (linear * over)
-        r += (t * t) * over
-    log = (q + r * a) * _product(e, e)
-    log += (p - r * b) * e
-    _add_to_diagonal(log, r * d)
+    x, y = a - 1.0, b - 1.0
+    total, product = x + y, x * y
+    square = total * total
+    plain, own, other = np.zeros_like(a), np.zeros_like(a), np.zeros_like(a)
+    for u, w in nodes:
+        v, rest = 0.5 * u, 1.0 - u
+        g = v * v / rest
+        over = (v * g) * square
+        over += v * total
+        over += (v * v - 2.0 * v * g) * product
+        over += rest
+        np.divide(0.5 * w, over, out=over)
+        plain += over
+        own += v * over
+        over *= 2.0 * g
+        other += over
+    p, q = plain + own * y + other * x, plain + own * x + other * y
+    log = p * m
+    log -= q * inverse
+    _add_to_diagonal(log, (q * b - p * a) / 3.0)
     return log

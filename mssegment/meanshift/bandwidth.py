@@ -4,11 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from mssegment.manifolds import Array, Cloud, Manifold
+from mssegment.manifolds import Cloud, Manifold
 from mssegment.records import Floats
 
-FIRST = 32
-"""Rows at a time; the first of them say how far the others need to look."""
 SAMPLE = 256
 """Rows whose neighbour distances are looked at: their median hardly changes with more."""
 
@@ -31,31 +29,23 @@ def nearest_neighbour_bandwidth(
         return 1.0
     sample = points if n <= SAMPLE else points[rng.choice(n, SAMPLE, replace=False)]
     neighbour = min(max(1, round(fraction * n)), n - 1)
-    everything = manifold.cloud(points)
-    cloud, nearest, closest = everything, [], np.inf
-    rows = min(FIRST, cloud.rows)
-    for start in range(0, len(sample), rows):
-        some = sample[start : start + rows]
-        found, z = _found(cloud, some, neighbour)
-        if not np.isfinite(found).all():
-            found, z = _found(everything, some, neighbour)
-        nearest.append(found)
-        closest = min(closest, float(z.min(initial=np.inf, where=z > _ROUNDING)))
-        if cloud.selective and start == 0 and np.isfinite(found).all() and found.max() > 0:
-            cloud = manifold.cloud(points, reach=1.5 * float(np.sqrt(found.max())))
-    distances = np.sqrt(np.concatenate(nearest))
-    finite = distances[np.isfinite(distances)]
-    median = float(np.median(finite)) if finite.size else 0.0
+    cloud = manifold.cloud(points)
+    blocks = [sample[start : start + cloud.rows] for start in range(0, len(sample), cloud.rows)]
+    nearest = np.concatenate([cloud.nearest(block, neighbour)[:, -1] for block in blocks])
+    finite = nearest[np.isfinite(nearest)]
+    median = float(np.median(np.sqrt(np.maximum(finite, 0.0)))) if finite.size else 0.0
     if median <= np.sqrt(_ROUNDING):
-        median = 0.5 * float(np.sqrt(closest)) if np.isfinite(closest) else 1.0
+        median = 0.5 * _closest(cloud, blocks)
     return constant * median
 
 
-def _found(cloud: Cloud, rows: Floats, neighbour: int) -> tuple[Floats, Array]:
-    """The squared distance of each of the ``rows`` to its ``neighbour``, and all of them."""
-    z = cloud.seen_from(rows).z
-    z.partition(neighbour, axis=1)
-    return np.maximum(z[:, neighbour], 0.0), z
+def _closest(cloud: Cloud, blocks: list[Floats]) -> float:
+    """The smallest positive distance of one of the ``blocks``, 2 where there is none."""
+    closest = np.inf
+    for block in blocks:
+        z = cloud.seen_from(block).z
+        closest = min(closest, float(z.min(initial=np.inf, where=z > _ROUNDING)))
+    return float(np.sqrt(closest)) if np.isfinite(closest) else 2.0
 
 
 _ROUNDING = 1e-13
