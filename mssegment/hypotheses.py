@@ -29,6 +29,9 @@ AGREEMENT = 0.02
 """How near a confirming track must be, over the rms radius of the tracks (about 3 px in 640)."""
 PATH_WEIGHT = 10.0
 """Weight of the shape of a path against its place, when neighbours are sought over many frames."""
+MOST_TRACKS = 4000
+"""Tracks that make and confirm hypotheses. Of more, drawn at random: where tracks lie too close, the
+noise of a subset decides its motion, and the modes are smeared."""
 FEWEST, MOST = 300, 2000
 """Bounds of an automatic number of hypotheses."""
 PATIENCE = 60
@@ -80,6 +83,9 @@ def hypothesize(
     _check_arguments(names, points, camera, count, sampling)
     complete = np.asarray(np.isfinite(points).all(axis=(1, 2)))
     usable = complete if eligible is None else complete & eligible
+    if usable.sum() > MOST_TRACKS:
+        drawn = rng.choice(np.flatnonzero(usable), MOST_TRACKS, replace=False)
+        usable = np.isin(np.arange(len(points)), drawn)
     frames = points.shape[1]
     rotation = None
     if derotate is not False and model == "translation" and camera is not None:
