@@ -188,23 +188,21 @@ def _draw_sets(
     points: Floats, camera: Camera | None, background: Background, configuration: Configuration
 ) -> list[HypothesisSet]:
     """The sets of hypotheses that the model, the number of frames and the method ask for."""
-    from mssegment.hypotheses import hypothesize as draw
-    from mssegment.segmentation.clouds import draw_long_sets
-    from mssegment.segmentation.consensus import (
-        AUTO_FRAMES,
-        draw_consensus_sets,
-        uses_consensus,
-    )
+    from mssegment.segmentation.ways import AUTO_FRAMES, uses_consensus
 
     settings, frames = configuration.hypothesize, points.shape[1]
     eligible = background.status == 0
     rng = _random("hypothesize", configuration)
     model = _model(configuration, frames)
     if uses_consensus(configuration.cluster.method, model, frames):
+        from mssegment.segmentation.consensus import draw_consensus_sets
+
         return draw_consensus_sets(
             points, rng, eligible=eligible, static=background.found, rank=settings.rank
         )
     if model == "factorization" and frames >= AUTO_FRAMES:
+        from mssegment.segmentation.clouds import draw_long_sets
+
         return draw_long_sets(
             points,
             count=settings.count,
@@ -213,6 +211,8 @@ def _draw_sets(
             rank=settings.rank,
             rng=rng,
         )
+    from mssegment.hypotheses import hypothesize as draw
+
     derotate = configuration.camera.derotate
     if derotate == "auto" and background.found:
         derotate = False  # a camera that stands still does not turn

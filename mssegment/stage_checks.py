@@ -13,7 +13,6 @@ from mssegment import motions
 from mssegment.errors import DataError
 from mssegment.manifolds import from_name
 from mssegment.records import BACKGROUND, HypothesisSet, Integers, Segmentation
-from mssegment.segmentation.consensus.evidence import EVIDENCE
 
 AGAIN = "run `mssegment hypothesize` again"
 
@@ -45,11 +44,14 @@ def check_sets(sets: Sequence[HypothesisSet]) -> None:
             if frames < model.min_frames or frames > (model.max_frames or frames):
                 raise DataError(f"sets[{i}]: model {model.name} over {frames} frames; {AGAIN}")
             expected = motions.make(model.name, frames=frames, rank=_rank(shape)).manifold.name
-        elif chosen.model in EVIDENCE:
-            expected = EVIDENCE[chosen.model].manifold(frames)
         else:
-            known = ", ".join(motions.MODELS | EVIDENCE)
-            raise DataError(f"sets[{i}]: no model is called {chosen.model!r}; known are {known}")
+            from mssegment.segmentation.consensus.evidence import EVIDENCE
+
+            if chosen.model not in EVIDENCE:
+                known = ", ".join(motions.MODELS | EVIDENCE)
+                found = f"no model is called {chosen.model!r}"
+                raise DataError(f"sets[{i}]: {found}; known are {known}")
+            expected = EVIDENCE[chosen.model].manifold(frames)
         if chosen.manifold != expected:
             raise DataError(
                 f"sets[{i}]: model {chosen.model} over {frames} frames lives on {expected}, "

@@ -15,9 +15,9 @@ from mssegment.segmentation.clouds import draw_long_sets
 from mssegment.segmentation.clouds.company import Company
 from mssegment.segmentation.clouds.likelihood import Likelihood, membership
 from mssegment.segmentation.clouds.search import partitions
-from mssegment.segmentation.consensus import is_long
 from mssegment.segmentation.entry import _view
 from mssegment.segmentation.selection import Problem
+from mssegment.segmentation.ways import is_long
 
 
 def sets_of(points: np.ndarray, rng: np.random.Generator, rank: int | str = "auto"):

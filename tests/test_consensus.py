@@ -20,7 +20,6 @@ from mssegment.segmentation.consensus import (
     cluster_by_consensus,
     draw_consensus_sets,
     segment_by_consensus,
-    uses_consensus,
 )
 from mssegment.segmentation.consensus.bodies import border_contrast, cloud_cost
 from mssegment.segmentation.consensus.comembership import mark_best
@@ -28,6 +27,7 @@ from mssegment.segmentation.consensus.drawing import draw_subsets
 from mssegment.segmentation.consensus.evidence import EVIDENCE
 from mssegment.segmentation.consensus.outliers import leave_one_out_residuals
 from mssegment.segmentation.consensus.spectral import embedding, partition, sharpen
+from mssegment.segmentation.ways import uses_consensus
 
 
 def run(points: np.ndarray, seed: int = 0, **options):

@@ -16,7 +16,7 @@ from mssegment.cli.common import (
     voice_options,
 )
 from mssegment.configuration import Setting, resolve
-from mssegment.documents import HypothesesDocument, SegmentationDocument
+from mssegment.documents import HypothesesDocument
 
 KEYS = (
     "cluster.method",
@@ -61,10 +61,4 @@ def command(
     configuration = resolve([*pipeline.inherited(hypotheses), *settings])
     with voice.working("cluster"):
         segmentation = pipeline.cluster(hypotheses, configuration, threads)
-    voice.deliver(segmentation, output, describe_segmentation(segmentation), start)
-
-
-def describe_segmentation(document: SegmentationDocument) -> str:
-    """The sentence for the stage's line."""
-    modes, motions = len(document.modes), len(document.motions)
-    return f"{modes} mode{'s' * (modes != 1)}, {motions} motion{'s' * (motions != 1)}"
+    voice.deliver(segmentation, output, start)

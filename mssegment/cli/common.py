@@ -12,6 +12,7 @@ from typing import Any, TypeVar
 
 import click
 
+from mssegment.cli.sentences import describe
 from mssegment.configuration import KEYS, Setting, camera_settings, from_environment, from_options
 from mssegment.documents import (
     STANDARD,
@@ -158,7 +159,6 @@ class Voice(Record, frozen=True):
         self,
         document: Document,
         output: str | None,
-        sentence: str,
         start: float,
         name: str | None = None,
     ) -> None:
@@ -167,7 +167,7 @@ class Voice(Record, frozen=True):
         A terminal is no place for a document: there the sentence on stderr is all, unless
         ``--json`` or ``-o -`` asks for it.
         """
-        seconds = time.perf_counter() - start
+        seconds, sentence = time.perf_counter() - start, describe(document)
         if output is not None or self.json or not sys.stdout.isatty():
             write_document(output or STANDARD, document)
         else:

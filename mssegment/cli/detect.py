@@ -9,7 +9,6 @@ import click
 from mssegment.cli import COMMANDS
 from mssegment.cli.common import Voice, output_option, settings_options, voice_options
 from mssegment.configuration import Setting, resolve
-from mssegment.documents import CornersDocument
 from mssegment.errors import UsageError
 
 KEYS = (
@@ -46,12 +45,4 @@ def command(
     configuration = resolve([*settings, Setting("input.images", list(images), "IMAGE")])
     with voice.working("detect"):
         document = pipeline.detect(configuration, pipeline.open_input(configuration))
-    voice.deliver(document, output, describe_corners(document), start)
-
-
-def describe_corners(document: CornersDocument) -> str:
-    """The sentence for the stage's line."""
-    counts = [len(corners.points) for corners in document.corners]
-    if len(counts) <= 3:
-        return f"{' + '.join(str(count) for count in counts)} corners"
-    return f"{sum(counts)} corners in {len(counts)} frames"
+    voice.deliver(document, output, start)

@@ -16,7 +16,7 @@ from mssegment.cli.common import (
     voice_options,
 )
 from mssegment.configuration import Setting, resolve
-from mssegment.documents import HypothesesDocument, TracksDocument
+from mssegment.documents import TracksDocument
 
 KEYS = (
     "hypothesize.model",
@@ -53,13 +53,4 @@ def command(document: str, settings: list[Setting], output: str | None, voice: V
 
     with voice.working("hypothesize"):
         hypotheses = pipeline.hypothesize(tracks, configuration)
-    voice.deliver(hypotheses, output, describe_hypotheses(hypotheses), start)
-
-
-def describe_hypotheses(document: HypothesesDocument) -> str:
-    """The sentence for the stage's line."""
-    if not document.sets:
-        return "no subset agrees with others"
-    kept = sum(len(chosen.points) for chosen in document.sets)
-    drawn = sum(chosen.drawn for chosen in document.sets)
-    return f"{kept} of {drawn} subsets agree"
+    voice.deliver(hypotheses, output, start)

@@ -8,7 +8,6 @@ import click
 
 from mssegment.cli import COMMANDS
 from mssegment.cli.common import Voice, output_option, refuse_keyboard, voice_options
-from mssegment.cli.match import describe_tracks
 from mssegment.documents import STANDARD
 
 
@@ -31,4 +30,4 @@ def command(file: str, output: str | None, voice: Voice) -> None:
     from mssegment.pipeline import import_tracks
 
     document = import_tracks(file)
-    voice.deliver(document, output, describe_tracks(document), start, "import")
+    voice.deliver(document, output, start, "import")

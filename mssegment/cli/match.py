@@ -16,7 +16,7 @@ from mssegment.cli.common import (
     voice_options,
 )
 from mssegment.configuration import Setting, resolve
-from mssegment.documents import CornersDocument, TracksDocument
+from mssegment.documents import CornersDocument
 
 KEYS = ("match.method", "match.min_length")
 
@@ -41,10 +41,4 @@ def command(document: str, settings: list[Setting], output: str | None, voice: V
 
     with voice.working("match"):
         tracks = pipeline.match(corners, configuration)
-    voice.deliver(tracks, output, describe_tracks(tracks), start)
-
-
-def describe_tracks(document: TracksDocument) -> str:
-    """The sentence for the stage's line."""
-    count, frames = document.tracks.points.shape[:2]
-    return f"{count} matches" if frames == 2 else f"{count} tracks over {frames} frames"
+    voice.deliver(tracks, output, start)

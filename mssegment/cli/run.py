@@ -17,6 +17,7 @@ from mssegment.cli.common import (
     settings_options,
     voice_options,
 )
+from mssegment.cli.sentences import describe
 from mssegment.configuration import (
     Configuration,
     Setting,
@@ -24,15 +25,8 @@ from mssegment.configuration import (
     from_text,
     resolve,
 )
-from mssegment.documents import (
-    CornersDocument,
-    Document,
-    HypothesesDocument,
-    SegmentationDocument,
-    TracksDocument,
-)
+from mssegment.documents import Document, TracksDocument
 from mssegment.errors import ConfigurationError, UsageError
-from mssegment.truth import check_labels
 
 if TYPE_CHECKING:
     from mssegment import pipeline
@@ -82,7 +76,10 @@ def command(
     """
     configuration = _configuration(inputs, settings, assignments)
     tracks = _tracks(configuration)
-    check_labels(configuration.report.labels)
+    if configuration.report.labels:
+        from mssegment.truth import check_labels
+
+        check_labels(configuration.report.labels)
     from mssegment.cli.results import Results, claimed_folder
 
     with claimed_folder(out, force):
@@ -94,7 +91,7 @@ def command(
                 if document is None:
                     progress(name)
                 else:
-                    voice.stage(name, _describe(document), timings.seconds[name])
+                    voice.stage(name, describe(document), timings.seconds[name])
                     voice.details(document)
 
             result = pipeline.run(configuration, tracks, threads=threads, on_stage=on_stage)
@@ -144,24 +141,6 @@ def _tracks(configuration: Configuration) -> TracksDocument | None:
     if Path(path).suffix.lower() == ".json":
         return read_document(path, TracksDocument)
     return pipeline.import_tracks(path)
-
-
-def _describe(document: Document) -> str:
-    from mssegment.cli.cluster import describe_segmentation
-    from mssegment.cli.detect import describe_corners
-    from mssegment.cli.hypothesize import describe_hypotheses
-    from mssegment.cli.match import describe_tracks
-
-    match document:
-        case CornersDocument():
-            return describe_corners(document)
-        case TracksDocument():
-            return describe_tracks(document)
-        case HypothesesDocument():
-            return describe_hypotheses(document)
-        case SegmentationDocument():
-            return describe_segmentation(document)
-    raise TypeError(type(document).__name__)
 
 
 def _write(result: pipeline.Result, results: Results, out: str) -> list[str]:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import sys
-import tempfile
 from pathlib import Path
 
 from mssegment.errors import DataError, UsageError
@@ -50,22 +49,22 @@ def write_bytes(path: str, content: bytes) -> None:
     if target.exists() and not target.is_file():
         _write_into(path, content)
         return
+    temporary = target.with_name(f".{target.name}.{os.urandom(6).hex()}")
     try:
-        handle, temporary = tempfile.mkstemp(prefix=f".{target.name}.", dir=target.parent)
+        file = temporary.open("xb")
     except OSError as error:
         raise _cannot_write(path, error) from None
     try:
-        with os.fdopen(handle, "wb") as file:
+        with file:
             file.write(content)
             file.flush()
             os.fsync(file.fileno())
-        os.chmod(temporary, 0o666 & ~_umask())
         os.replace(temporary, target)
     except OSError as error:
-        Path(temporary).unlink(missing_ok=True)
+        temporary.unlink(missing_ok=True)
         raise _cannot_write(path, error) from None
     except BaseException:
-        Path(temporary).unlink(missing_ok=True)
+        temporary.unlink(missing_ok=True)
         raise
 
 
@@ -93,10 +92,3 @@ def _write_into(path: str, content: bytes) -> None:
 
 def _cannot_write(path: str, error: OSError) -> UsageError:
     return UsageError(f"{path}: cannot be written ({error.strerror}); choose another place")
-
-
-def _umask() -> int:
-    # the only portable way to read it is to set it
-    mask = os.umask(0)
-    os.umask(mask)
-    return mask

@@ -9,16 +9,11 @@ import numpy as np
 
 from mssegment.errors import DataError, UsageError
 from mssegment.records import OUTLIER, Floats, HypothesisSet, Integers, Segmentation
-from mssegment.segmentation.clouds import clouds
-from mssegment.segmentation.consensus import (
-    drawn_for_consensus,
-    is_long,
-    segment_by_consensus,
-)
 from mssegment.segmentation.description_length import mdl
 from mssegment.segmentation.dominance import dominance
 from mssegment.segmentation.entry import segment_by_modes
 from mssegment.segmentation.selection import Granularity, Selection
+from mssegment.segmentation.ways import drawn_for_consensus, is_long
 
 __all__ = ["SELECTIONS", "cluster"]
 
@@ -61,6 +56,8 @@ def cluster(
     count = None if motions == "auto" else motions
     rng = np.random.default_rng(0) if rng is None else rng
     if method == "consensus" or (method == "auto" and drawn_for_consensus(sets)):
+        from mssegment.segmentation.consensus import segment_by_consensus
+
         return segment_by_consensus(
             points,
             sets,
@@ -71,10 +68,13 @@ def cluster(
             min_motions=min_motions,
             rng=rng,
         )
+    select = SELECTIONS[selection]
+    if selection == "mdl" and is_long(sets):
+        from mssegment.segmentation.clouds import clouds as select
     return segment_by_modes(
         points,
         sets,
-        select=clouds if is_long(sets) and selection == "mdl" else SELECTIONS[selection],
+        select=select,
         status=status,
         bandwidth=bandwidth,
         kernel=kernel,

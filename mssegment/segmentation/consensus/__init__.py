@@ -6,21 +6,11 @@
 
 from mssegment.segmentation.consensus.clustering import Consensus, cluster_by_consensus
 from mssegment.segmentation.consensus.drawing import draw_consensus_sets
-from mssegment.segmentation.consensus.segment import (
-    AUTO_FRAMES,
-    drawn_for_consensus,
-    is_long,
-    segment_by_consensus,
-    uses_consensus,
-)
+from mssegment.segmentation.consensus.segment import segment_by_consensus
 
 __all__ = [
-    "AUTO_FRAMES",
     "Consensus",
     "cluster_by_consensus",
     "draw_consensus_sets",
-    "drawn_for_consensus",
-    "is_long",
     "segment_by_consensus",
-    "uses_consensus",
 ]

@@ -29,11 +29,7 @@ from mssegment.records import (
 )
 from mssegment.segmentation.consensus.clustering import cluster_by_consensus
 from mssegment.segmentation.consensus.comembership import observe
-from mssegment.segmentation.consensus.evidence import EVIDENCE
 
-AUTO_FRAMES = 6
-"""From so many frames on, ``cluster.method: auto`` means consensus for ``factorization``. On
-Hopkins155 thinned to 4-6 frames: consensus 0.0 %, modes 12-13 %; five frames stay the paper's."""
 MODE_NOTE = (
     "consensus: a mode is where mean shift arrives from its motion, its hypotheses are those made "
     "of the motion's tracks alone"
@@ -46,30 +42,6 @@ PLANAR = 1.25
 """A motion is planar if rank 3 leaves at most so many times the residual of rank 4."""
 REWEIGHTINGS = 5
 """Rounds of the robust fit of a motion to its group."""
-
-
-def uses_consensus(method: str, model: str, frames: int) -> bool:
-    """Whether ``cluster.method`` (auto, meanshift, consensus) means consensus here."""
-    if method == "auto":
-        return model == "factorization" and frames >= AUTO_FRAMES
-    return method == "consensus"
-
-
-def is_long(sets: Sequence[HypothesisSet]) -> bool:
-    """Whether all hypotheses are subspaces over so many frames that modes alone say too little."""
-    return all(
-        entry.model == "factorization" and len(entry.frames) >= AUTO_FRAMES for entry in sets
-    )
-
-
-def drawn_for_consensus(sets: Sequence[HypothesisSet]) -> bool:
-    """Whether the sets are those of ``draw_consensus_sets``.
-
-    They hold evidence that is no motion model, or are over several frame pairs.
-    """
-    pairs = {tuple(entry.frames) for entry in sets if len(entry.frames) == 2}
-    foreign = any(entry.model in EVIDENCE and entry.model not in models.MODELS for entry in sets)
-    return foreign or len(pairs) > 1
 
 
 def segment_by_consensus(

@@ -1,0 +1,42 @@
+"""What a command says of its document, in one line."""
+
+from __future__ import annotations
+
+from mssegment.documents import (
+    CornersDocument,
+    Document,
+    HypothesesDocument,
+    SegmentationDocument,
+    TracksDocument,
+)
+
+
+def describe(document: Document) -> str:
+    """The sentence for the stage's line."""
+    match document:
+        case CornersDocument():
+            return _corners(document)
+        case TracksDocument():
+            count, frames = document.tracks.points.shape[:2]
+            return f"{count} matches" if frames == 2 else f"{count} tracks over {frames} frames"
+        case HypothesesDocument():
+            return _hypotheses(document)
+        case SegmentationDocument():
+            modes, motions = len(document.modes), len(document.motions)
+            return f"{modes} mode{'s' * (modes != 1)}, {motions} motion{'s' * (motions != 1)}"
+    raise TypeError(type(document).__name__)
+
+
+def _corners(document: CornersDocument) -> str:
+    counts = [len(corners.points) for corners in document.corners]
+    if len(counts) <= 3:
+        return f"{' + '.join(str(count) for count in counts)} corners"
+    return f"{sum(counts)} corners in {len(counts)} frames"
+
+
+def _hypotheses(document: HypothesesDocument) -> str:
+    if not document.sets:
+        return "no subset agrees with others"
+    kept = sum(len(chosen.points) for chosen in document.sets)
+    drawn = sum(chosen.drawn for chosen in document.sets)
+    return f"{kept} of {drawn} subsets agree"
