@@ -6,6 +6,7 @@ import numpy as np
 
 from mssegment.manifolds import Cloud, Manifold
 from mssegment.records import Floats
+from mssegment.special import median
 
 SAMPLE = 256
 """Rows whose neighbour distances are looked at: their median hardly changes with more."""
@@ -33,10 +34,10 @@ def nearest_neighbour_bandwidth(
     blocks = [sample[start : start + cloud.rows] for start in range(0, len(sample), cloud.rows)]
     nearest = np.concatenate([cloud.nearest(block, neighbour)[:, -1] for block in blocks])
     finite = nearest[np.isfinite(nearest)]
-    median = float(np.median(np.sqrt(np.maximum(finite, 0.0)))) if finite.size else 0.0
-    if median <= np.sqrt(_ROUNDING):
-        median = 0.5 * _closest(cloud, blocks)
-    return constant * median
+    usual = median(np.sqrt(np.maximum(finite, 0.0))) if finite.size else 0.0
+    if usual <= np.sqrt(_ROUNDING):
+        usual = 0.5 * _closest(cloud, blocks)
+    return constant * usual
 
 
 def _closest(cloud: Cloud, blocks: list[Floats]) -> float:
