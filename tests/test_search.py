@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+import mssegment
 from benchmarks.paper import run_scene
 from benchmarks.scenes import SETUPS
 from mssegment.segmentation.search import cut
@@ -32,3 +33,18 @@ def test_a_motion_that_fits_two_bodies_does_not_hide_them(seed: int) -> None:
     outcome = run_scene(SETUPS["fig2"], seed, "mdl", "surface")
     assert outcome.count_right
     assert outcome.unknown <= 0.05
+
+
+@pytest.mark.parametrize("seed", [0, 1, 2])
+def test_affine_motions_are_not_stated_as_homographies(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    bodies = []
+    for centre, turn, shift in (((200, 200), 0.05, (6, 2)), ((500, 300), -0.1, (-9, 3))):
+        places = rng.normal(centre, 60.0, (800, 2))
+        c, s = np.cos(turn), np.sin(turn)
+        moved = (places - centre) @ np.array([[c, -s], [s, c]]).T + centre + shift
+        bodies.append(np.stack([places, moved], axis=1))
+    points = np.concatenate([*bodies, rng.uniform(0, 640, (400, 2, 2))])
+    points += rng.normal(0.0, 0.3, points.shape)
+    found = mssegment.segment_tracks(points, {"seed": seed}, frame_size=(640, 640))
+    assert [motion.model for motion in found.motions] == ["affine", "affine"]

@@ -48,6 +48,8 @@ def improve(chosen: Candidates, pool: Candidates, description: Description) -> C
     for _ in range(MOST_MOVES):
         better = best_of(neighbouring_sets(chosen, pool, description), best, description)
         if better is None:
+            better = best_of(restated_sets(chosen, description), best, description)
+        if better is None:
             better = best_of(cut_sets(chosen, description), best, description)
         if better is None:
             break
@@ -92,6 +94,22 @@ def neighbouring_sets(
         rest = chosen.take([k for k in range(len(chosen)) if k != j])
         sets.append(rest)
         sets += [join([rest, pool.take([k])]) for k in proposals(rest, pool, 1)]
+    return sets
+
+
+def restated_sets(chosen: Candidates, description: Description) -> list[Candidates]:
+    """All sets with one motion stated in another model, fitted to the tracks that it has.
+
+    The candidates that save most are of the model with most parameters, before these are paid for.
+    """
+    labels = description.labels(chosen)
+    sets = []
+    for j in range(len(chosen)):
+        own = (labels == j + 1).astype(np.float64)
+        rest = chosen.take([k for k in range(len(chosen)) if k != j])
+        for family in description.families:
+            if family.index != chosen.views[j]:
+                sets += [join([rest, one]) for one in family.fitted(own[None], chosen.modes[[j]])]
     return sets
 
 
