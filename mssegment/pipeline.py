@@ -10,9 +10,9 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
+import msgspec
 import numpy as np
 
 import mssegment
@@ -37,6 +37,7 @@ from mssegment.records import (
     Motion,
     Record,
     Segmentation,
+    State,
 )
 
 if TYPE_CHECKING:
@@ -276,12 +277,11 @@ def _segmentation(
     )
 
 
-@dataclass
-class Timings:
+class Timings(State):
     """Seconds of every stage, in the order they ran, and peak memory in bytes after each."""
 
-    seconds: dict[str, float] = field(default_factory=dict)
-    peak_bytes: dict[str, int] = field(default_factory=dict)
+    seconds: dict[str, float] = msgspec.field(default_factory=dict)
+    peak_bytes: dict[str, int] = msgspec.field(default_factory=dict)
 
     @contextmanager
     def stage(self, name: str) -> Iterator[None]:

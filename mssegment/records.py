@@ -37,6 +37,10 @@ class Record(msgspec.Struct, frozen=True):
     """
 
 
+class State(msgspec.Struct):
+    """A record that changes: where a computation stands."""
+
+
 class Frame(Record, frozen=True):
     """One picture: the path as given, its size in pixels, the SHA-256 of the file.
 

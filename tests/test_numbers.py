@@ -9,10 +9,17 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 from scipy.spatial import cKDTree
 from scipy.special import polygamma
-from scipy.stats import chi2
+from scipy.stats import chi2, norm
 
 from mssegment.neighbours import nearest, pairs_within
-from mssegment.special import chi_square_quantile, distinct, median, quantile, trigamma_of_half
+from mssegment.special import (
+    chi_square_quantile,
+    distinct,
+    median,
+    normal_quantile,
+    quantile,
+    trigamma_of_half,
+)
 
 finite = st.floats(-1e6, 1e6)
 
@@ -24,6 +31,11 @@ def test_special_functions(freedom):
         expected = chi2.ppf(share, freedom)
         assert chi_square_quantile(freedom, share) == pytest.approx(expected, rel=exact)
     assert trigamma_of_half(freedom) == pytest.approx(polygamma(1, freedom / 2), rel=1e-11)
+
+
+@given(st.floats(1e-12, 1 - 1e-12))
+def test_normal_quantiles(share):
+    assert normal_quantile(share) == pytest.approx(norm.ppf(share), rel=1e-12, abs=1e-15)
 
 
 @given(st.lists(st.integers(-3, 4) | st.integers(-(2**62), 2**62)))

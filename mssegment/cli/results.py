@@ -16,7 +16,7 @@ from mssegment.documents import SegmentationDocument, write_bytes
 from mssegment.errors import DataError, UsageError
 from mssegment.pipeline import straight
 from mssegment.records import Record
-from mssegment.rendering.report import Picture, Report, build_report, report_json
+from mssegment.rendering.report import Picture, Report, build_report, report_bytes
 
 if TYPE_CHECKING:
     from mssegment.imaging.frames import FrameSource
@@ -93,7 +93,7 @@ class Results(Record, frozen=True):
 
     def write(self, out: str) -> list[str]:
         """Writes report.json, and the pictures and the page that are asked for; their names."""
-        written = {"report.json": self.json()}
+        written = {"report.json": report_bytes(self.report)}
         settings = self.configuration.report
         if settings.pictures:
             from mssegment.rendering.pictures import USUAL, render_pictures
@@ -124,10 +124,6 @@ class Results(Record, frozen=True):
         for _, scene in scenes_of(self.report, ["side-by-side"]):
             sys.stdout.buffer.write(show(paint(scene), protocol))
         sys.stdout.flush()
-
-    def json(self) -> bytes:
-        """report.json, indented."""
-        return msgspec.json.format(msgspec.json.encode(report_json(self.report)), indent=1) + b"\n"
 
 
 class _Pictures:

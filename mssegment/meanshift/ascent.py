@@ -11,7 +11,6 @@ further (Barzilai and Borwein, 1988) and taken back where the density would fall
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -19,7 +18,7 @@ import numpy.typing as npt
 
 from mssegment.manifolds import Cloud, Manifold
 from mssegment.meanshift.kernels import Kernel
-from mssegment.records import Floats, Integers
+from mssegment.records import Floats, Integers, State
 
 if TYPE_CHECKING:
     from concurrent.futures import Executor  # loads logging
@@ -98,8 +97,7 @@ def _shift_block(
     return _scaled(1.0 / np.where(total > 0, total, 1.0), summed), profile / cloud.size
 
 
-@dataclass
-class Ascent:
+class Ascent(State):
     """Trajectories on their way up.
 
     ``x`` [n, ...] is where each one is, ``density`` [n] the density where its last step began,
@@ -141,8 +139,7 @@ class Ascent:
             self.history.append((front.index, front.x))
 
 
-@dataclass
-class Front:
+class Front(State):
     """The trajectories that still move, packed: one row each.
 
     ``index`` [m] says which of all they are, ``x`` where they stand, ``origin`` where the last step

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING
 
@@ -12,7 +11,7 @@ from mssegment.manifolds import Cloud, Manifold
 from mssegment.meanshift.ascent import Ascent, Mask, Thin, ascend, follow
 from mssegment.meanshift.kernels import Kernel
 from mssegment.meanshift.modes import merge
-from mssegment.records import Floats, Integers, Record
+from mssegment.records import Floats, Integers, Record, State
 
 if TYPE_CHECKING:
     from concurrent.futures import Executor
@@ -31,8 +30,7 @@ ISOLATED = 1e-2
 It cannot be a saddle, nothing else can end there, and its trajectory hardly moves."""
 
 
-@dataclass
-class Found:
+class Found(State):
     """Modes [m, ...], their densities [m], the mode of each point [n] (-1: none), and the way."""
 
     modes: Floats

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
+import msgspec
 import numpy as np
 import numpy.typing as npt
 
@@ -217,6 +218,11 @@ def report_json(report: Report) -> dict[str, Any]:
         ],
         "history": [dict(stage) for stage in report.history],
     }
+
+
+def report_bytes(report: Report) -> bytes:
+    """``report_json`` as it is written, indented, with a line feed at its end."""
+    return msgspec.json.format(msgspec.json.encode(report_json(report)), indent=1) + b"\n"
 
 
 def _motion_json(report: Report, motion: Motion) -> dict[str, Any]:

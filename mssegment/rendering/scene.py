@@ -7,12 +7,12 @@ top left pixel at (0, 0). Items are painted in order.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
 
+import msgspec
 import numpy as np
 import numpy.typing as npt
 
-from mssegment.records import Floats, Record
+from mssegment.records import Floats, Record, State
 from mssegment.rendering.report import Picture
 from mssegment.rendering.style import Colour
 
@@ -73,14 +73,13 @@ class Label(Record, frozen=True):
 Item = Markers | Lines | Areas | Badge | Label
 
 
-@dataclass
-class Scene:
+class Scene(State):
     """A canvas of ``width`` x ``height`` pixels: photographs at places, then items over them."""
 
     width: int
     height: int
-    photographs: list[tuple[int, int, Picture]] = field(default_factory=list)
-    items: list[Item] = field(default_factory=list)
+    photographs: list[tuple[int, int, Picture]] = msgspec.field(default_factory=list)
+    items: list[Item] = msgspec.field(default_factory=list)
 
     def add(self, items: Sequence[Item]) -> None:
         """Paints these over what is there."""

@@ -6,14 +6,11 @@ CSV, and ``format_report`` puts the tables of a report together. Nothing here pr
 
 from __future__ import annotations
 
-import csv
-import io
-import json
 from collections.abc import Sequence
 from unicodedata import east_asian_width
 
 from mssegment.records import BACKGROUND, NOT_JUDGED, OUTLIER, Record
-from mssegment.rendering.report import Report, report_json
+from mssegment.rendering.report import Report, report_bytes
 from mssegment.rendering.style import GLYPHS, mark
 
 FORMATS = ("text", "json", "csv", "markdown", "latex")
@@ -123,7 +120,7 @@ def format_report(report: Report, form: str = "text") -> str:
     Raises ValueError for another format.
     """
     if form == "json":
-        return json.dumps(report_json(report), indent=1, ensure_ascii=False) + "\n"
+        return report_bytes(report).decode()
     if form not in FORMATS:
         raise ValueError(f"no format {form!r}, expected one of {', '.join(FORMATS)}")
     parts = [format_table(table, form) for table in tables_of(report)]
@@ -243,6 +240,9 @@ def _latex(table: Table) -> str:
 
 
 def _csv(table: Table) -> str:
+    import csv
+    import io
+
     out = io.StringIO()
     writer = csv.writer(out, lineterminator="\n")
     writer.writerow(table.header)
