@@ -11,6 +11,7 @@ from __future__ import annotations
 import numpy as np
 
 from mssegment.records import BACKGROUND, IGNORED, NOT_JUDGED, OUTLIER, Floats, Integers, Record
+from mssegment.special import best_matching, distinct
 
 
 class Evaluation(Record, frozen=True):
@@ -39,13 +40,9 @@ def is_counted(found: Integers, truth: Integers) -> np.ndarray[tuple[int], np.dt
 
 def match_labels(found: Integers, truth: Integers) -> dict[int, int]:
     """The best one-to-one matching of found motions to true ones, found label -> true label."""
-    # here, because nothing else of a report without labels needs scipy
-    from scipy.optimize import linear_sum_assignment
-
-    found_motions, true_motions = np.unique(found[found > 0]), np.unique(truth[truth > 0])
-    overlap = _overlap(found, truth, found_motions, true_motions)
-    rows, columns = linear_sum_assignment(-overlap)
-    return {int(found_motions[i]): int(true_motions[j]) for i, j in zip(rows, columns, strict=True)}
+    found_motions, true_motions = distinct(found[found > 0]), distinct(truth[truth > 0])
+    pairs = best_matching(_overlap(found, truth, found_motions, true_motions))
+    return {int(found_motions[i]): int(true_motions[j]) for i, j in pairs}
 
 
 def misclassification(found: Integers, truth: Integers) -> float:
@@ -66,10 +63,10 @@ def evaluate(found: Integers, truth: Integers) -> Evaluation:
     keep = is_counted(found, truth)
     found, truth = found[keep], truth[keep]
     matching = match_labels(found, truth)
-    true_motions = [int(t) for t in np.unique(truth[truth > 0])]
+    true_motions = [int(t) for t in distinct(truth[truth > 0])]
     back = {t: f for f, t in matching.items()}
     found_motions = [back[t] for t in true_motions if t in back]
-    found_motions += [int(f) for f in np.unique(found[found > 0]) if int(f) not in matching]
+    found_motions += [int(f) for f in distinct(found[found > 0]) if int(f) not in matching]
     # a true motion without partner keeps its row; pairs come first, so they share the diagonal
     true_motions.sort(key=lambda t: t not in back)
     confusion = _confusion(found, truth, found_motions, true_motions)

@@ -77,3 +77,37 @@ def quantile(values: Floats, share: float) -> Floats:
     low, high = np.moveaxis(np.partition(values, [below, above])[..., [below, above]], -1, 0)
     part, gap = place - below, high - low
     return np.asarray(low + gap * part if part < 0.5 else high - gap * (1 - part))
+
+
+def best_matching(gain: Integers) -> list[tuple[int, int]]:
+    """The pairs (row, column), one of each row or one of each column, whose gains sum to most.
+
+    The Hungarian method (Kuhn, 1955): each row in turn takes the shortest augmenting path, in
+    prices (``row_price``, ``price``) that leave no pair cheaper than nothing.
+    """
+    if len(gain) > gain.shape[1]:
+        return sorted((i, j) for j, i in best_matching(gain.T))
+    cost = (gain.max(initial=0) - gain).astype(np.float64)
+    row_price, price = np.zeros(len(cost)), np.zeros(cost.shape[1])
+    row_of, column_of = np.full(cost.shape[1], -1), np.full(len(cost), -1)
+    for start in range(len(cost)):
+        distance, before = np.full(len(price), np.inf), np.full(len(price), -1)
+        open_ = np.ones(len(price), dtype=bool)
+        row, reached, column = start, 0.0, -1
+        while row >= 0:
+            through = reached + cost[row] - row_price[row] - price
+            closer = open_ & (through < distance)
+            distance[closer], before[closer] = through[closer], row
+            column = int(np.argmin(np.where(open_, distance, np.inf)))
+            open_[column] = False
+            reached, row = float(distance[column]), int(row_of[column])
+        cheaper = np.where(open_, 0.0, reached - distance)
+        price -= cheaper
+        taken = ~open_ & (row_of >= 0)
+        row_price[row_of[taken]] += cheaper[taken]
+        row_price[start] += reached
+        while row != start:
+            row = int(before[column])
+            row_of[column] = row
+            column, column_of[row] = int(column_of[row]), column
+    return list(enumerate(column_of.tolist()))

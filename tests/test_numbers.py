@@ -7,12 +7,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
+from scipy.optimize import linear_sum_assignment
 from scipy.spatial import cKDTree
 from scipy.special import polygamma
 from scipy.stats import chi2, norm
 
 from mssegment.neighbours import nearest, pairs_within
 from mssegment.special import (
+    best_matching,
     chi_square_quantile,
     distinct,
     median,
@@ -31,6 +33,18 @@ def test_special_functions(freedom):
         expected = chi2.ppf(share, freedom)
         assert chi_square_quantile(freedom, share) == pytest.approx(expected, rel=exact)
     assert trigamma_of_half(freedom) == pytest.approx(polygamma(1, freedom / 2), rel=1e-11)
+
+
+@given(
+    arrays.arrays(
+        np.int64, st.tuples(st.integers(0, 7), st.integers(0, 7)), elements=st.integers(0, 9)
+    )
+)
+def test_matching_has_the_greatest_sum(gain):
+    pairs = best_matching(gain)
+    rows, columns = [i for i, _ in pairs], [j for _, j in pairs]
+    assert len(set(rows)) == len(set(columns)) == len(pairs) == min(gain.shape)
+    assert gain[rows, columns].sum() == gain[linear_sum_assignment(gain, maximize=True)].sum()
 
 
 @given(st.floats(1e-12, 1 - 1e-12))
