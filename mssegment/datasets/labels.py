@@ -11,6 +11,7 @@ import numpy.typing as npt
 from mssegment.datasets.base import check_labels
 from mssegment.datasets.csv_tracks import LOCATED, MATCHES, read_table
 from mssegment.errors import DataError
+from mssegment.neighbours import nearest
 from mssegment.records import IGNORED, OUTLIER, Floats, Integers
 
 MASK_IGNORE = 255
@@ -59,8 +60,6 @@ def labels_from_points(
     takes the label of the nearest place if that is within ``radius`` in every one of these frames;
     else it is IGNORED: nobody said anything about it.
     """
-    from scipy.spatial import cKDTree
-
     frames = places.shape[1] // 2
     if points.shape[1] < frames:
         raise DataError("labelled matches name two frames, the tracks have one; label one frame")
@@ -68,11 +67,10 @@ def labels_from_points(
     seen = np.isfinite(points[:, :frames]).all(axis=(1, 2))
     if not len(places) or not seen.any():
         return found
-    tree = cKDTree(places)
     own = points[seen, :frames].reshape(-1, 2 * frames)
-    _, nearest = tree.query(own)
-    gaps = np.linalg.norm((own - places[nearest]).reshape(-1, frames, 2), axis=-1)
-    found[seen] = np.where((gaps <= radius).all(axis=1), labels[nearest], IGNORED)
+    place = nearest(places, own)[1][:, 0]
+    gaps = np.linalg.norm((own - places[place]).reshape(-1, frames, 2), axis=-1)
+    found[seen] = np.where((gaps <= radius).all(axis=1), labels[place], IGNORED)
     return found
 
 
