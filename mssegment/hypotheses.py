@@ -215,9 +215,7 @@ def _sample(
         confirmed = _confirmed(scene, drawn_now, agree)
         drawn += BATCH
         subsets.append(drawn_now[confirmed])
-        hypotheses.append(
-            _polished(scene, drawn_now[confirmed], found[confirmed], agree[confirmed])
-        )
+        hypotheses.append(_polished(scene, drawn_now[confirmed], found[confirmed]))
         kept += int(confirmed.sum())
         settled = progress.settled(agree[confirmed])
         if count == "auto" and kept >= FEWEST and settled:
@@ -261,22 +259,21 @@ def _confirmed(scene: _Scene, subsets: Integers, agree: Flags) -> Flags:
     return np.asarray((confirming >= needed) & (needed > 0))
 
 
-def _polished(scene: _Scene, subsets: Integers, points: Floats, agree: Flags) -> Floats:
-    """Refits each hypothesis to its subset and the tracks near its seed that ``agree`` [B, P].
+def _polished(scene: _Scene, subsets: Integers, points: Floats) -> Floats:
+    """Refits each hypothesis to its subset and the tracks near its seed that agree with it.
 
     The noise of an elemental subset would smear the modes: with it one motion of a scene like
     Fig. 2 has five of them.
     """
     near = scene.neighbours[subsets[:, 0]]
-    for again in range(POLISHINGS):
-        if again:
-            residuals = scene.model.residuals(points, scene.observed, scene.coordinates)
-            agree = residuals < scene.tolerance
-        weights = np.zeros(agree.shape)
-        confirming = np.take_along_axis(agree, near, axis=1)
-        np.put_along_axis(weights, near, confirming.astype(np.float64), axis=1)
-        np.put_along_axis(weights, subsets, 1.0, axis=1)
-        refitted, sound = scene.model.fit(scene.observed, weights)
+    outside = ~(near[:, :, None] == subsets[:, None, :]).any(axis=2)
+    tracks = scene.observed[np.concatenate([subsets, near], axis=1)]
+    weights = np.ones(tracks.shape[:2])
+    size = subsets.shape[1]
+    for _ in range(POLISHINGS):
+        residuals = scene.model.residuals(points, tracks[:, size:], scene.coordinates)
+        weights[:, size:] = outside & (residuals < scene.tolerance)
+        refitted, sound = scene.model.fit(tracks, weights)
         points[sound] = refitted[sound]
     return points
 

@@ -133,6 +133,24 @@ def test_tracks_without_weight_do_not_matter(model, scene, rng):
     assert model.residuals(fitted, observed, coordinates)[0, 8:].max() < 1e-6
 
 
+def test_every_motion_may_have_tracks_of_its_own(model, scene, rng):
+    """Fits to and residuals of [B, n, F, 2] are those of all tracks, the others without weight."""
+    points, coordinates, _ = scene
+    observed = model.observe(points + rng.normal(0.0, 0.3, points.shape), coordinates)
+    own = np.stack([rng.permutation(TRACKS)[:12] for _ in range(5)])
+    few, weights = rng.uniform(0.0, 1.0, own.shape), np.zeros((5, TRACKS))
+    few[:, 0] = 0.0
+    np.put_along_axis(weights, own, few, axis=1)
+    for fitted, sound in (model.fit(observed, weights), model.fit(observed[own], few)):
+        assert sound.all()
+        whole = model.residuals(fitted, observed, coordinates)
+        expected = np.take_along_axis(whole, own, axis=1)
+        found = model.residuals(fitted, observed[own], coordinates)
+        np.testing.assert_allclose(found, expected, rtol=1e-7, atol=1e-9)
+    one, other = model.fit(observed, weights)[0], model.fit(observed[own], few)[0]
+    np.testing.assert_allclose(model.manifold.dist(one, other), 0.0, atol=1e-7)
+
+
 def test_order_of_tracks_does_not_matter(model, scene, rng):
     points, coordinates, _ = scene
     observed = model.observe(points + rng.normal(0.0, 0.5, points.shape), coordinates)

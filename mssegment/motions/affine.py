@@ -7,7 +7,7 @@ from typing import ClassVar
 import numpy as np
 
 from mssegment import manifolds
-from mssegment.motions.base import Flags, MotionModel
+from mssegment.motions.base import Flags, MotionModel, weighted_sums
 from mssegment.records import Coordinates, Floats
 
 FLATTEST = 0.02
@@ -45,11 +45,13 @@ class Affine(MotionModel):
         All motions take their moments from one matrix product. Coordinates have the size of one, so
         that moments about the origin lose no digit that matters against those about a centroid.
         """
-        origin = observed.mean(axis=0) if len(observed) else np.zeros((2, 2))
-        x = (observed - origin).reshape(-1, 4)
-        products = x[:, :2, None] * x[:, None, :]
-        features = np.concatenate([x, products.reshape(-1, 8), np.ones((len(x), 1))], axis=1)
-        moments = weights @ features
+        origin = observed.mean(axis=-3, keepdims=True) if observed.size else np.zeros((1, 2, 2))
+        x = (observed - origin).reshape(*observed.shape[:-2], 4)
+        products = x[..., :2, None] * x[..., None, :]
+        features = np.concatenate(
+            [x, products.reshape(*x.shape[:-1], 8), np.ones((*x.shape[:-1], 1))], axis=-1
+        )
+        moments = weighted_sums(weights, features)
         total = moments[:, 12]
         moments = moments[:, :12] / np.where(total > 0, total, 1.0)[:, None]
         mean1, mean2 = moments[:, :2], moments[:, 2:4]
@@ -62,12 +64,17 @@ class Affine(MotionModel):
         sound = (total > 0) & (spread[:, 0] > least)
         scatter = np.where(sound[:, None, None], scatter, np.eye(2))
         linear = np.swapaxes(np.linalg.solve(scatter, cross), 1, 2)
-        middle1, middle2 = mean1 + origin[0], mean2 + origin[1]
+        middle1, middle2 = mean1 + origin[..., 0, 0, :], mean2 + origin[..., 0, 1, :]
         shift = middle2 - np.einsum("bij,bj->bi", linear, middle1)
         return self._checked(linear, shift, sound)
 
     def residuals(self, points: Floats, observed: Floats, coordinates: Coordinates) -> Floats:
         """Transfer error in view 2, pixels [B, P]."""
+        if observed.ndim == 4:
+            images = observed[:, :, 0] @ np.swapaxes(points[:, :2, :2], 1, 2)
+            images += points[:, None, :2, 2]
+            images -= observed[:, :, 1]
+            return np.asarray(np.linalg.norm(images, axis=-1) * coordinates.scale)
         place = np.concatenate([observed[:, 0], np.ones((len(observed), 1))], axis=1).T
         target = np.ascontiguousarray(observed[:, 1].T)
         errors = np.empty((len(points), len(observed)))

@@ -75,7 +75,10 @@ class MotionModel(ABC):
 
     @abstractmethod
     def fit(self, observed: Floats, weights: Floats) -> tuple[Floats, Flags]:
-        """Least-squares motions of the tracks [P, F, 2] under the weights [B, P]; as above."""
+        """Least-squares motions of the tracks [P, F, 2] under the weights [B, P]; as above.
+
+        Or each of tracks of its own: [B, n, F, 2] under the weights [B, n].
+        """
 
     def algebraic_fit(self, observed: Floats, weights: Floats) -> tuple[Floats, Flags]:
         """M-hat of equation (24): minimizes the mean square of ``algebraic_residuals``."""
@@ -83,7 +86,10 @@ class MotionModel(ABC):
 
     @abstractmethod
     def residuals(self, points: Floats, observed: Floats, coordinates: Coordinates) -> Floats:
-        """Distances in pixels (per frame) of the tracks [P, F, 2] from the motions, [B, P]."""
+        """Distances in pixels (per frame) of the tracks [P, F, 2] from the motions, [B, P].
+
+        Or of each motion from tracks of its own, [B, n, F, 2], [B, n].
+        """
 
     @abstractmethod
     def algebraic_residuals(
@@ -114,3 +120,27 @@ class MotionModel(ABC):
         """
         del observed, coordinates
         return 0.0
+
+
+def concentrated(weights: Floats, observed: Floats) -> tuple[Floats, Floats]:
+    """Weights [B, n] and tracks [B, n, F, 2] without most of those that weigh nothing.
+
+    All as they are, [B, P] and [P, F, 2], where many tracks weigh, or each motion has its own.
+    """
+    some = weights > 0
+    count = some.sum(axis=1)
+    most = max(int(count.max(initial=0)), 1)
+    if observed.ndim == 4 or 2 * most > weights.shape[1]:
+        return weights, observed
+    row, track = np.nonzero(some)
+    place = np.arange(len(row)) - np.repeat(np.cumsum(count) - count, count)
+    few, places = np.zeros((len(weights), most)), np.zeros((len(weights), most), dtype=np.int64)
+    few[row, place], places[row, place] = weights[row, track], track
+    return few, observed[places]
+
+
+def weighted_sums(weights: Floats, numbers: Floats) -> Floats:
+    """Sums [B, d] of ``numbers``, [P, d] or [B, P, d], under the weights [B, P]."""
+    if numbers.ndim == 2:
+        return np.asarray(weights @ numbers)
+    return np.asarray((weights[:, None] @ numbers)[:, 0])

@@ -7,7 +7,7 @@ from typing import ClassVar
 import numpy as np
 
 from mssegment import manifolds
-from mssegment.motions.base import Flags, MotionModel
+from mssegment.motions.base import Flags, MotionModel, concentrated
 from mssegment.records import Camera, Coordinates, Floats
 
 LEAST_SINGULAR_VALUE = 1e-3
@@ -61,19 +61,19 @@ class Factorization(MotionModel):
 
     def fit(self, observed: Floats, weights: Floats) -> tuple[Floats, Flags]:
         """The k leading principal directions of the weighted feature vectors."""
-        vectors = observed.reshape(len(observed), -1)
         if not weights.size:
             return np.zeros((0, *self.manifold.point_shape)), np.zeros(0, dtype=bool)
         # a hypothesis is fitted to a handful of tracks: the others have no weight
-        count = max(int((weights > 0).sum(axis=1).max()), self.rank)
-        if count < min(vectors.shape):
-            rows = np.argpartition(-weights, count - 1, axis=1)[:, :count]
-            used = np.sqrt(np.take_along_axis(weights, rows, axis=1))[..., None] * vectors[rows]
+        weights, observed = concentrated(weights, observed)
+        vectors = observed.reshape(*observed.shape[:-2], 2 * self.frames)
+        if vectors.ndim == 3 and self.rank <= vectors.shape[1] < vectors.shape[2]:
+            used = np.sqrt(weights)[..., None] * vectors
             values, axes = np.linalg.eigh(used @ np.swapaxes(used, 1, 2))
             leading = np.swapaxes(used, 1, 2) @ axes[:, :, : -self.rank - 1 : -1]
             directions = np.linalg.qr(leading).Q
         else:
-            values, axes = np.linalg.eigh((vectors.T * weights[:, None]) @ vectors)
+            across = np.swapaxes(vectors, -1, -2) * weights[:, None]
+            values, axes = np.linalg.eigh(across @ vectors)
             directions = axes[:, :, : -self.rank - 1 : -1]
         least = values[:, -self.rank]
         return directions, np.asarray(least > 1e-12 * np.maximum(values[:, -1], 1e-12))
@@ -87,13 +87,14 @@ class Factorization(MotionModel):
         self, points: Floats, observed: Floats, coordinates: Coordinates
     ) -> Floats:
         """Distance of the feature vector to the subspace, pixels, as in the table of Fig. 3."""
-        vectors = observed.reshape(len(observed), -1)
+        vectors = observed.reshape(*observed.shape[:-2], 2 * self.frames)
         along = vectors @ points
-        whole = (vectors**2).sum(axis=1)
+        whole = (vectors**2).sum(axis=-1)
         squared = whole - (along**2).sum(axis=2)
         # where this cancels, the rejected part itself is exact
         motion, track = np.nonzero(squared < CANCELLED * whole)
-        across = vectors[track] - (points[motion] @ along[motion, track, :, None])[..., 0]
+        across = vectors[track] if vectors.ndim == 2 else vectors[motion, track]
+        across = across - (points[motion] @ along[motion, track, :, None])[..., 0]
         squared[motion, track] = (across**2).sum(axis=1)
         return np.asarray(np.sqrt(squared) * coordinates.scale)
 

@@ -8,11 +8,13 @@ import numpy as np
 
 from mssegment import manifolds
 from mssegment.motions.affine import is_flat, is_plausible
-from mssegment.motions.base import Flags, MotionModel
+from mssegment.motions.base import Flags, MotionModel, concentrated, weighted_sums
 from mssegment.records import Coordinates, Floats
 
 TRIPLES = ((0, 1, 2), (0, 1, 3), (0, 2, 3), (1, 2, 3))
 GAUSS_NEWTON_ROUNDS = 4
+CONVERGED = 1e-4
+"""A step that changes no parameter by more is the last one: the next would be a hundredth of it."""
 PRODUCTS = np.array([[0, 1, 3], [1, 2, 4], [3, 4, 5]])
 """Where (x, y, 1) times (x, y, 1) stands among the monomials."""
 
@@ -52,18 +54,28 @@ class Homography(MotionModel):
         sound = (weights > 0).sum(axis=1) >= 4
         safe = np.where(sound[:, None], weights, 1.0)
         safe = safe / safe.sum(axis=1, keepdims=True)
-        monomials = _monomials(observed[:, 0])
-        parameters = _linear_start(safe, observed[:, 1], monomials)
+        safe, own = concentrated(safe, observed)
+        target, monomials = own[..., 1, :], _monomials(own[..., 0, :])
+        middle = weighted_sums(safe, monomials)[:, 3:5]
+        parameters = _linear_start(safe, target, monomials)
+        moving = np.arange(len(safe))
         for _ in range(GAUSS_NEWTON_ROUNDS):
-            parameters = parameters + _transfer_step(parameters, safe, observed[:, 1], monomials)
-        points = np.concatenate([parameters, np.ones((len(safe), 1))], axis=1).reshape(-1, 3, 3)
-        return self._checked(points, safe @ observed[:, 0], sound)
+            step = _transfer_step(parameters[moving], safe, target, monomials)
+            parameters[moving] += step
+            on = np.abs(step).max(axis=1) > CONVERGED
+            if not on.any():
+                break
+            moving, safe = moving[on], safe[on]
+            if own.ndim == 4:
+                target, monomials = target[on], monomials[on]
+        points = np.concatenate([parameters, np.ones((len(sound), 1))], axis=1).reshape(-1, 3, 3)
+        return self._checked(points, middle, sound)
 
     def residuals(self, points: Floats, observed: Floats, coordinates: Coordinates) -> Floats:
         """Transfer error in view 2, pixels [B, P]; infinite for points that H sends behind."""
-        across, down, depth = _images(points.reshape(-1, 9), _rays(observed[:, 0]))
-        across -= observed[:, 1, 0]
-        down -= observed[:, 1, 1]
+        across, down, depth = _images(points.reshape(-1, 9), _rays(observed[..., 0, :]))
+        across -= observed[..., 1, 0]
+        down -= observed[..., 1, 1]
         across *= across
         down *= down
         across += down
@@ -120,40 +132,41 @@ def _projective_basis(corners: Floats, sound: Flags) -> tuple[Floats, Floats]:
 
 
 def _rays(x: Floats) -> Floats:
-    """Points [P, 2] as rows x, y and 1, [3, P]."""
-    return np.concatenate([x, np.ones((len(x), 1))], axis=1).T
+    """Points [..., P, 2] as rows x, y and 1, [..., 3, P]."""
+    return np.swapaxes(np.concatenate([x, np.ones((*x.shape[:-1], 1))], axis=-1), -1, -2)
 
 
 def _images(rows: Floats, rays: Floats) -> tuple[Floats, Floats, Floats]:
-    """H x for the matrices ``rows`` [B, 9] and all ``rays`` [3, P]: x, y and depth, [B, P] each."""
-    across: Floats = rows[:, 0:3] @ rays
-    down: Floats = rows[:, 3:6] @ rays
-    depth: Floats = rows[:, 6:9] @ rays
+    """H x for matrices ``rows`` [B, 9] and ``rays`` [3, P] or [B, 3, P]: x, y, depth, [B, P]."""
+    across, down, depth = (_product(rows[:, i : i + 3], rays) for i in (0, 3, 6))
     inverse = 1.0 / np.where(np.abs(depth) > 1e-12, depth, 1e-12)
     across *= inverse
     down *= inverse
     return across, down, depth
 
 
+def _product(row: Floats, rays: Floats) -> Floats:
+    return np.asarray(row @ rays if rays.ndim == 2 else (row[:, None] @ rays)[:, 0])
+
+
 def _monomials(x: Floats) -> Floats:
-    """x^2, xy, y^2, x, y and 1 of the points [P, 2], [P, 6].
+    """x^2, xy, y^2, x, y and 1 of the points [..., P, 2], [..., P, 6].
 
     All sums over tracks that the equations below need are products of weights with these.
     """
-    first, second = x[:, 0], x[:, 1]
-    return np.stack(
-        [first * first, first * second, second * second, first, second, np.ones(len(x))], axis=1
-    )
+    first, second = x[..., 0], x[..., 1]
+    products = [first * first, first * second, second * second]
+    return np.stack([*products, first, second, np.ones_like(first)], axis=-1)
 
 
 def _linear_start(weights: Floats, target: Floats, monomials: Floats) -> Floats:
     """Least squares of the equations that are linear in H with H33 = 1, [B, 8]."""
-    u, v = target[:, :1], target[:, 1:]
+    u, v = target[..., :1], target[..., 1:]
     square = u * u + v * v
     features = np.concatenate(
-        [monomials, u * monomials, v * monomials, square * monomials[:, :5]], axis=1
+        [monomials, u * monomials, v * monomials, square * monomials[..., :5]], axis=-1
     )
-    sums = weights @ features
+    sums = weighted_sums(weights, features)
     plain, by_u, by_v, by_square = sums[:, :6], sums[:, 6:12], sums[:, 12:18], sums[:, 18:]
     side = np.concatenate([by_u[:, 3:], by_v[:, 3:], -by_square[:, 3:]], axis=1)
     return _solve(_normal_matrix(plain, by_u, by_v, by_square), side)
@@ -164,21 +177,22 @@ def _transfer_step(
 ) -> Floats:
     """The Gauss-Newton step [B, 8] of the transfer error."""
     rows = np.concatenate([parameters, np.ones((len(parameters), 1))], axis=1)
-    u, v, depth = _images(rows, monomials[:, 3:].T)
+    u, v, depth = _images(rows, np.swapaxes(monomials[..., 3:], -1, -2))
     inverse = 1.0 / np.where(np.abs(depth) > 1e-6, depth, 1e-6)
     pull = weights * inverse
-    stiffness = pull * inverse
-    by_u, by_v = stiffness * u, stiffness * v
-    normal = _normal_matrix(
-        stiffness @ monomials,
-        by_u @ monomials,
-        by_v @ monomials,
-        (by_u * u + by_v * v) @ monomials[:, :3],
-    )
-    gap_u, gap_v = pull * (target[:, 0] - u), pull * (target[:, 1] - v)
-    linear = monomials[:, 3:]
-    side = [gap_u @ linear, gap_v @ linear, -(gap_u * u + gap_v * v) @ linear[:, :2]]
-    return _solve(normal, np.concatenate(side, axis=1))
+    # the weights of seven sums over the tracks: those of 1, u, v, u^2 + v^2, and the three gaps
+    factors = np.empty((len(u), 7, u.shape[1]))
+    stiffness = np.multiply(pull, inverse, out=factors[:, 0])
+    by_u = np.multiply(stiffness, u, out=factors[:, 1])
+    by_v = np.multiply(stiffness, v, out=factors[:, 2])
+    factors[:, 3] = by_u * u + by_v * v
+    gap_u = np.multiply(pull, target[..., 0] - u, out=factors[:, 4])
+    gap_v = np.multiply(pull, target[..., 1] - v, out=factors[:, 5])
+    factors[:, 6] = gap_u * u + gap_v * v
+    sums = factors @ monomials
+    normal = _normal_matrix(sums[:, 0], sums[:, 1], sums[:, 2], sums[:, 3])
+    side = np.concatenate([sums[:, 4, 3:], sums[:, 5, 3:], -sums[:, 6, 3:5]], axis=1)
+    return _solve(normal, side)
 
 
 def _normal_matrix(plain: Floats, by_u: Floats, by_v: Floats, by_square: Floats) -> Floats:

@@ -7,7 +7,7 @@ from typing import ClassVar
 import numpy as np
 
 from mssegment import manifolds
-from mssegment.motions.base import Flags, MotionModel
+from mssegment.motions.base import Flags, MotionModel, concentrated
 from mssegment.motions.turning import cross, distances, half_line_squares
 from mssegment.records import Camera, Coordinates, Floats, Integers
 
@@ -73,10 +73,10 @@ class Translation(MotionModel):
         (25) weighs a match by its distance from the epipole and is biased; a damped step that
         would raise the error is not taken.
         """
-        points, sound = self.algebraic_fit(observed, weights)
+        weights, matches = concentrated(weights, observed)
+        points, sound = self.algebraic_fit(matches, weights)
         direction = points[..., 0]
         damping = np.full(len(weights), 1e-3)
-        weights, matches = _concentrated(weights, observed)
         error, jacobian = sampson(direction, matches)
         cost = (weights * error**2).sum(axis=1)
         moving = np.arange(len(weights))
@@ -102,14 +102,14 @@ class Translation(MotionModel):
     def algebraic_fit(self, observed: Floats, weights: Floats) -> tuple[Floats, Flags]:
         """The direction that minimizes the weighted square of (25)."""
         rows = constraint_rows(observed)
-        scatter = np.einsum("bp,pi,pj->bij", weights, rows, rows)
+        scatter = np.swapaxes(rows, -1, -2) @ (weights[..., None] * rows)
         values, vectors = np.linalg.eigh(scatter)
         sound = values[:, 1] > 1e-10 * values[:, 2]
         return vectors[:, :, :1], np.asarray(sound & (values[:, 2] > 0))
 
     def residuals(self, points: Floats, observed: Floats, coordinates: Coordinates) -> Floats:
         """Distance from the half of the epipolar line on the side of t, pixels [B, P]."""
-        first, second = rays(observed[:, 0]), rays(observed[:, 1])
+        first, second = rays(observed[..., 0, :]), rays(observed[..., 1, :])
         squares = half_line_squares(*distances(points[..., 0], first, second))
         return np.asarray(np.sqrt(squares) * coordinates.scale)
 
@@ -181,18 +181,6 @@ def sampson(directions: Floats, observed: Floats) -> tuple[Floats, Floats]:
         half_slope[..., 2] += across * x + down * y
     jacobian = rows / length[..., None] - (error / square)[..., None] * half_slope
     return error, jacobian
-
-
-def _concentrated(weights: Floats, observed: Floats) -> tuple[Floats, Floats]:
-    """Weights [B, n] and matches [B, n, 2, 2] without most of those that weigh nothing.
-
-    All as they are, [B, P] and [P, 2, 2], where many matches weigh.
-    """
-    most = max(int((weights > 0).sum(axis=1).max(initial=0)), 1)
-    if 2 * most > weights.shape[1]:
-        return weights, observed
-    places = np.argpartition(-weights, most - 1, axis=1)[:, :most]
-    return np.take_along_axis(weights, places, axis=1), observed[places]
 
 
 def _of(matches: Floats, index: Integers) -> Floats:
