@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import gc
 import importlib
 import os
 import sys
@@ -101,7 +102,9 @@ def cli() -> None:
 def main(arguments: Sequence[str] | None = None) -> None:
     """The program: runs the command and exits with its status."""
     arguments = list(sys.argv[1:] if arguments is None else arguments)
-    sys.exit(invoke(arguments))
+    status = invoke(arguments)
+    gc.freeze()  # what is left is not searched for cycles before it all goes
+    sys.exit(status)
 
 
 def invoke(arguments: list[str]) -> int:
