@@ -1,11 +1,10 @@
 """The affine group A(2): the maps x -> A x + b of the plane, det A > 0 (section 5.5, (26)).
 
-Logarithm and exponential are closed forms in real arithmetic, entry by entry over whole arrays.
-A function of a 2 x 2 matrix A = s I + N, with N^2 = c I (s half the trace, c the discriminant; the
-eigenvalues are s +- sqrt c), is p I + q N: p is the mean of the function over the two eigenvalues,
-q its divided difference. The logarithm of [A b; 0 1] is [L v; 0 0] with L = (A - I) phi(A) and
-v = phi(A) b, phi(z) = ln z / (z - 1); the exponential of [L v; 0 0] is [A b; 0 1] with
-A = I + L psi(L) and b = psi(L) v, psi(z) = (e^z - 1) / z. So each needs one pair (p, q).
+The logarithm is a closed form in real arithmetic, entry by entry over whole arrays. A function of
+a 2 x 2 matrix A = s I + N, with N^2 = c I (s half the trace, c the discriminant; the eigenvalues
+are s +- sqrt c), is p I + q N: p is the mean of the function over the two eigenvalues, q its
+divided difference. The logarithm of [A b; 0 1] is [L v; 0 0] with L = (A - I) phi(A) and
+v = phi(A) b, phi(z) = ln z / (z - 1), and needs one pair (p, q).
 """
 
 from __future__ import annotations
@@ -19,8 +18,13 @@ from mssegment.manifolds.base import Array
 from mssegment.manifolds.matrix_group import MatrixGroup, gauss_legendre
 from mssegment.records import Floats
 
-_DOUBLE, _SINGLE = gauss_legendre(12), gauss_legendre(6)
-"""The integrals of phi and psi to 1e-15, and to 1e-7 or so, where they are used."""
+_WITHIN = (0.1, 0.25)
+_NODES = {
+    np.dtype(np.float64): tuple(gauss_legendre(count) for count in (5, 7, 12)),
+    np.dtype(np.float32): tuple(gauss_legendre(count) for count in (2, 3, 6)),
+}
+"""Enough for the integral of phi where eigenvalues are so near 1, and where it is used at all, to
+1e-15, and to 1e-6 or so."""
 
 Mask = npt.NDArray[np.bool_]
 
@@ -47,7 +51,7 @@ class AffineGroup(MatrixGroup):
         e = np.array(m).reshape(2, 3, int(np.prod(np.shape(m)[2:])))
         e[0, 0] -= 1.0
         e[1, 1] -= 1.0
-        return _assemble(e, *_phi(*_split(e)), one=0.0).reshape(np.shape(m))
+        return _times(e, *_phi(*_split(e))).reshape(np.shape(m))
 
     def onto_algebra(self, v: Array) -> Array:
         """``v``: every 2 x 3 matrix is in the algebra."""
@@ -73,17 +77,18 @@ def _split(e: Array) -> tuple[Array, Array]:
     return s, half * half + e[0, 1] * e[1, 0]
 
 
-def _assemble(e: Array, p: Array, q: Array, one: float) -> Array:
-    """[one I + E F, F t] with F = p I + q (E - s I), for e = [E t] (2, 3, ...)."""
-    s = 0.5 * (e[0, 0] + e[1, 1])
-    f00, f11 = p + q * (e[0, 0] - s), p + q * (e[1, 1] - s)
+def _times(e: Array, p: Array, q: Array) -> Array:
+    """[F E, F t] with F = p I + q (E - s I), for e = [E t] (2, 3, ...)."""
+    half = 0.5 * (e[0, 0] - e[1, 1])
+    half *= q
+    f00, f11 = p + half, p - half
     f01, f10 = q * e[0, 1], q * e[1, 0]
     out = np.empty_like(e)
     for j in range(3):
-        out[0, j] = f00 * e[0, j] + f01 * e[1, j]
-        out[1, j] = f10 * e[0, j] + f11 * e[1, j]
-    out[0, 0] += one
-    out[1, 1] += one
+        np.multiply(f00, e[0, j], out=out[0, j])
+        out[0, j] += f01 * e[1, j]
+        np.multiply(f10, e[0, j], out=out[1, j])
+        out[1, j] += f11 * e[1, j]
     return out
 
 
@@ -93,9 +98,12 @@ def _phi(s: Array, c: Array) -> tuple[Array, Array]:
     Near the identity phi(A) is the integral of (I + t (A - I))^-1 dt over [0, 1]. Elsewhere it
     follows from the logarithm, or, where one eigenvalue is near 1, from the two eigenvalues.
     """
-    root = np.sqrt(np.abs(c))
-    near = np.abs(s) + root < (0.5 if s.dtype == np.float64 else 0.9)
+    away = np.sqrt(np.abs(c))
+    away += np.abs(s)
+    near = away < (0.5 if s.dtype == np.float64 else 0.9)
     with np.errstate(all="ignore"):
+        if near.all():
+            return _phi_near(s, c, float(away.max(initial=0.0)))
         if 2 * np.count_nonzero(near) > near.size:
             p, q = _phi_near(s, c)
             _fill(~near, _phi_far, s, c, p, q)
@@ -107,13 +115,20 @@ def _phi(s: Array, c: Array) -> tuple[Array, Array]:
     return p, q
 
 
-def _phi_near(s: Array, c: Array) -> tuple[Array, Array]:
+def _phi_near(s: Array, c: Array, within: float = 1.0) -> tuple[Array, Array]:
+    """By a quadrature, where the eigenvalues are ``within`` so much of 1."""
+    nodes = _NODES[s.dtype][sum(within >= bound for bound in _WITHIN)]
     p, q = np.zeros_like(s), np.zeros_like(s)
-    for t, w in _DOUBLE if s.dtype == np.float64 else _SINGLE:
-        u = 1.0 + t * s
-        over = w / (u * u - (t * t) * c)
-        p += u * over
-        q -= t * over
+    for t, w in nodes:
+        u = t * s
+        u += 1.0
+        over = u * u
+        over -= (t * t) * c
+        np.divide(w, over, out=over)
+        u *= over
+        p += u
+        over *= t
+        q -= over
     return p, q
 
 

@@ -218,9 +218,12 @@ class _GroupCloud(Cloud):
     def logs_at(self, ratio: Array, pairs: Integers) -> Array:
         """The logarithms (rows, size, k) of some of the ``pairs`` [k], indices into [m, n]."""
         start = pairs + pairs // self.size * ((self.group.size - 1) * self.size)
-        places = [start + j * self.size for j in range(self.group.size)]
-        some = [[row.ravel().take(place) for place in places] for row in ratio]
-        return self.group.algebra_log(np.array(some), self.reach)
+        some = np.empty((self.group.rows, self.group.size, len(pairs)), dtype=self.dtype)
+        for j in range(self.group.size):
+            for i, row in enumerate(ratio):
+                row.ravel().take(start, out=some[i, j], mode="clip")
+            start += self.size
+        return self.group.algebra_log(some, self.reach)
 
     def seen_from(self, x: Floats) -> View:
         return _GroupView(self, x)
@@ -285,9 +288,11 @@ class _GroupView(View):
             sums = np.einsum("mn,ijmn->ijm", weights, pull)
         else:
             near, (m, n) = weights.ravel()[self._pairs], weights.shape
-            row = self._pairs // n
-            each = [[np.bincount(row, near * p, m) for p in entries] for entries in pull]
-            sums = np.array(each)
+            starts = np.searchsorted(self._pairs, np.arange(0, m * n, n))
+            filled = np.flatnonzero(np.diff(starts, append=len(near)))
+            sums = np.zeros((*pull.shape[:2], m))
+            if filled.size:
+                sums[:, :, filled] = np.add.reduceat(near * pull, starts[filled], axis=2)
         total = weights.sum(axis=1, dtype=np.float64)
         return self._x @ group._last(sums), total
 
