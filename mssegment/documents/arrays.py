@@ -85,9 +85,10 @@ def _from_list(value: list[Any], dtype: np.dtype[Any]) -> npt.NDArray[Any]:
     for _ in range(_depth(value)):
         kind = GenericAlias(list, (kind,))
     checked = msgspec.convert(value, kind)
-    if ragged := _ragged(checked):
-        raise ValueError(ragged)
-    return np.array(checked, dtype=dtype)
+    try:
+        return np.array(checked, dtype=dtype)
+    except ValueError as error:
+        raise ValueError(_ragged(checked) or str(error)) from None
 
 
 def _depth(value: object) -> int:

@@ -130,7 +130,7 @@ def _detect_on_level(
     peaks = (response == cv2.dilate(response, window)) & (response > quality * greatest)
     peaks &= response > NO_TEXTURE
     peaks[:reach], peaks[-reach:], peaks[:, :reach], peaks[:, -reach:] = False, False, False, False
-    rows, columns = np.nonzero(peaks)
+    rows, columns = np.divmod(np.flatnonzero(peaks), peaks.shape[1])  # np.nonzero is slow in 2-D
     strength = response[rows, columns]
     order = np.argsort(-strength, kind="stable")
     if distance > 0:
