@@ -30,7 +30,7 @@ AGREEMENT = 0.02
 PATH_WEIGHT = 10.0
 """Weight of the shape of a path against its place, when neighbours are sought over many frames."""
 MOST_TRACKS = 4000
-"""Tracks that make and confirm hypotheses. Of more, drawn at random: where tracks lie too close, the
+"""Tracks that make and confirm hypotheses, drawn at random of more: where tracks lie too close, the
 noise of a subset decides its motion, and the modes are smeared."""
 FEWEST, MOST = 300, 2000
 """Bounds of an automatic number of hypotheses."""

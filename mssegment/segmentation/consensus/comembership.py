@@ -51,10 +51,8 @@ class CoMemberships:
 
     def add(self, entry: HypothesisSet, seen: Integers, squared: Floats) -> None:
         """What ``residuals_of`` found: of a set a track marks the hypotheses that fit it best."""
-        share = EVIDENCE[entry.model].share
-        best = min(max(3, round(share * len(entry.points))), len(entry.points))
-        marks = mark_best(squared, best)
-        agreement = marks @ marks.T / np.float32(best)
+        marks = marks_of(entry, squared)
+        agreement = marks @ marks.T / marks[:1].sum()
         if entry.model not in self.kinds:
             zeros = np.zeros((self._total, self._total), dtype=np.float32)
             self.kinds[entry.model] = CoMembership(zeros, zeros.copy())
@@ -66,6 +64,13 @@ class CoMemberships:
             block = np.ix_(seen, seen)
             kind.agreement[block] += agreement
             kind.shared[block] += 1
+
+
+def marks_of(entry: HypothesisSet, squared: Floats) -> Singles:
+    """1 where a track marks a hypothesis of the set, else 0, [n, hypotheses] as ``squared``."""
+    share = EVIDENCE[entry.model].share
+    best = min(max(3, round(share * len(entry.points))), len(entry.points))
+    return mark_best(squared, best)
 
 
 def mark_best(squared: Floats, best: int) -> Singles:

@@ -17,6 +17,7 @@ from mssegment.hypotheses import nearest_neighbours
 from mssegment.motions import Flags
 from mssegment.records import Floats, HypothesisSet, Integers
 from mssegment.segmentation.consensus.evidence import EVIDENCE, Evidence, Subspace
+from mssegment.segmentation.consensus.joining import MOST_TRACKS
 from mssegment.segmentation.consensus.outliers import first_test, two_frame_misfit
 
 COMPLETE = 0.75
@@ -72,6 +73,10 @@ def draw_consensus_sets(
     if eligible is not None:
         seen = seen & eligible[:, None]
     lengths = seen.sum(axis=1)
+    if (lengths > 1).sum() > MOST_TRACKS:
+        some = rng.choice(np.flatnonzero(lengths > 1), MOST_TRACKS, replace=False)
+        seen = seen & np.isin(np.arange(len(seen)), some)[:, None]
+        lengths = seen.sum(axis=1)
     if static:
         return _draw_pairs(points, seen, ("affine",), _long_pairs(frames, lengths), rng)
     complete = seen.all(axis=1)

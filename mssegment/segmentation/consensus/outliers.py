@@ -6,8 +6,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from mssegment.hypotheses import nearest_neighbours
+from mssegment.hypotheses import nearest_neighbours, neighbour_space
 from mssegment.motions import Flags
+from mssegment.neighbours import nearest
 from mssegment.records import Floats, HypothesisSet, Integers
 from mssegment.segmentation.consensus.comembership import residuals_of
 
@@ -47,11 +48,12 @@ class Misfit:
     and not made from itself; the geometric mean over the pairs.
     """
 
-    def __init__(self, points: Floats) -> None:
-        """For the tracks ``points`` [P, F, 2] (pixels)."""
+    def __init__(self, points: Floats, among: Integers | None = None) -> None:
+        """For the tracks ``points`` [P, F, 2] (pixels); the nearest are sought ``among`` these."""
         self._points = points
+        self._among = among
         self._logs, self._counts = np.zeros(len(points)), np.zeros(len(points))
-        self._near: dict[bytes, Flags] = {}
+        self._nearest: dict[bytes, Integers] = {}
 
     def add(self, entry: HypothesisSet, seen: Integers, squared: Floats) -> None:
         """What ``residuals_of`` found; sets that say nothing about a place are passed over."""
@@ -60,8 +62,10 @@ class Misfit:
         squared = squared.copy()
         of_track = np.full(len(self._points), -1)
         of_track[seen] = np.arange(len(seen))
-        squared[of_track[entry.subsets], np.arange(len(entry.subsets))[:, None]] = np.inf
-        around = self._neighbourhood(entry, seen)[:, of_track[entry.subsets[:, 0]]]
+        made_of = of_track[entry.subsets]
+        hypothesis, place = np.nonzero(made_of >= 0)
+        squared[made_of[hypothesis, place], hypothesis] = np.inf
+        around = self._around(entry, seen)
         best = np.where(around, squared, np.inf).min(axis=1)
         best = np.where(np.isfinite(best), best, squared.min(axis=1))
         usable = np.isfinite(best)
@@ -74,22 +78,42 @@ class Misfit:
         counts = np.where(self._counts > 0, self._counts, np.nan)
         return np.asarray(np.exp(self._logs / counts))
 
-    def _neighbourhood(self, entry: HypothesisSet, seen: Integers) -> Flags:
-        """Which of the seen tracks [n, n] are near which: by whole tracks if all are complete."""
-        tracks = self._points[seen]
-        whole = np.isfinite(tracks).all()
-        key = seen.tobytes() + (b"" if whole else repr(entry.frames).encode())
-        if key not in self._near:
-            nearest = nearest_neighbours(tracks if whole else tracks[:, entry.frames], LOCAL)
-            near = np.zeros((len(seen), len(seen)), dtype=bool)
-            np.put_along_axis(near, nearest, True, axis=1)
-            self._near = {key: near}
-        return self._near[key]
+    def _around(self, entry: HypothesisSet, seen: Integers) -> Flags:
+        """Which hypotheses are seeded near which of the seen tracks, [n, hypotheses]."""
+        seeds, column = np.unique(entry.subsets[:, 0], return_inverse=True)
+        column_of = np.full(len(self._points), len(seeds))
+        column_of[seeds] = np.arange(len(seeds))
+        near = np.zeros((len(seen), len(seeds) + 1), dtype=bool)
+        np.put_along_axis(near, column_of[self._near(entry, seen)], True, axis=1)
+        return near[:, column]
+
+    def _near(self, entry: HypothesisSet, seen: Integers) -> Integers:
+        """The tracks nearest to each of the seen, [n, k]; by whole tracks if all are complete."""
+        frames = list(entry.frames)
+        base = seen if self._among is None else self._among
+        base = base[np.isfinite(self._points[base][:, frames]).all(axis=(1, 2))]
+        whole = bool(
+            np.isfinite(self._points[seen]).all() and np.isfinite(self._points[base]).all()
+        )
+        key = seen.tobytes() + (b"" if whole else repr(frames).encode())
+        if key not in self._nearest:
+            of, to = self._points[base], self._points[seen]
+            if not whole:
+                of, to = of[:, frames], to[:, frames]
+            if self._among is None:
+                found = nearest_neighbours(to, LOCAL)
+            else:
+                places, asked = neighbour_space(of), neighbour_space(to)
+                found = nearest(places, asked, min(LOCAL, len(base)))[1]
+            self._nearest = {key: base[found]}
+        return self._nearest[key]
 
 
-def two_frame_misfit(points: Floats, sets: Sequence[HypothesisSet]) -> Floats:
+def two_frame_misfit(
+    points: Floats, sets: Sequence[HypothesisSet], among: Integers | None = None
+) -> Floats:
     """The ``Misfit`` of the tracks [P, F, 2] in pixels [P]; NaN: seen in no pair."""
-    misfit = Misfit(points)
+    misfit = Misfit(points, among)
     for entry in sets:
         if entry.model in PLACED and len(entry.points):
             misfit.add(entry, *residuals_of(points, entry))

@@ -29,6 +29,7 @@ from mssegment.records import (
 )
 from mssegment.segmentation.consensus.clustering import cluster_by_consensus
 from mssegment.segmentation.consensus.comembership import observe
+from mssegment.segmentation.consensus.joining import joined, sets_among, tracks_to_group
 
 MODE_NOTE = (
     "consensus: a mode is where mean shift arrives from its motion, its hypotheses are those made "
@@ -61,10 +62,8 @@ def segment_by_consensus(
     sets are not those of ``draw_consensus_sets``, or see too few tracks.
     """
     judged = status == OUTLIER
-    found = cluster_by_consensus(
-        points, sets, rng, motions=motions, min_motions=min_motions, eligible=judged
-    )
-    labels = np.where(judged, found.labels, status).astype(np.int64)
+    labels, notes = _labels(points, sets, judged, motions, min_motions, rng)
+    labels = np.where(judged, labels, status).astype(np.int64)
     count = int(labels.max(initial=0))
     seen = [_seen(points, entry) for entry in sets]
     results = [
@@ -88,8 +87,28 @@ def segment_by_consensus(
         bandwidths,
         residuals,
         assignments,
-        (*found.notes, MODE_NOTE) if count else found.notes,
+        (*notes, MODE_NOTE) if count else notes,
     )
+
+
+def _labels(
+    points: Floats,
+    sets: Sequence[HypothesisSet],
+    judged: np.ndarray[tuple[int], np.dtype[np.bool_]],
+    motions: int | None,
+    min_motions: int,
+    rng: np.random.Generator,
+) -> tuple[Integers, tuple[str, ...]]:
+    """Labels [P] of the judged tracks, some grouped and the others joined, and notes."""
+    grouped = tracks_to_group(judged, sets)
+    own, among = points[grouped], sets_among(sets, grouped)
+    found = cluster_by_consensus(own, among, rng, motions=motions, min_motions=min_motions)
+    labels = np.full(len(points), OUTLIER)
+    labels[grouped] = found.labels
+    others = judged & ~grouped
+    if others.any():
+        labels[others] = joined(own, among, found.labels, found.misfit, points[others])
+    return labels, found.notes
 
 
 def _seen(points: Floats, entry: HypothesisSet) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
