@@ -8,6 +8,7 @@ import pytest
 import mssegment
 from benchmarks.paper import run_scene
 from benchmarks.scenes import SETUPS
+from mssegment.segmentation.candidates import Seen
 from mssegment.segmentation.search import cut
 
 
@@ -48,3 +49,14 @@ def test_affine_motions_are_not_stated_as_homographies(seed: int) -> None:
     points += rng.normal(0.0, 0.3, points.shape)
     found = mssegment.segment_tracks(points, {"seed": seed}, frame_size=(640, 640))
     assert [motion.model for motion in found.motions] == ["affine", "affine"]
+
+
+def test_sets_of_inliers_that_hardly_differ_are_fitted_once() -> None:
+    """One track of 50 more or less is the same set, four are another one; the first counts."""
+    rows = np.zeros((5, 100))
+    rows[0, :50] = rows[1, :51] = rows[2, :54] = rows[3, 50:] = rows[4, 49:] = 1.0
+    seen = Seen(100)
+    assert seen.new(rows[:1]) == [0]
+    assert seen.new(rows) == [2, 3]
+    assert seen.new(rows) == []
+    assert seen.new(rows[:0]) == []

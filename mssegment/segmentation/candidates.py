@@ -19,6 +19,8 @@ UNSOUND = 1e6
 """Pixels; stands for an infinite residual."""
 STAGES = 5
 """Fits of a mode, each to what the one before explains."""
+SAME = 0.05
+"""Share of the inliers by which two sets may differ whose fits would hardly do."""
 
 
 class Candidates(Record, frozen=True):
@@ -96,15 +98,15 @@ class Family(Record, frozen=True):
         """
         return self._fitted(inliers, inliers, modes)
 
-    def grown(self, inliers: Floats, modes: Integers, seen: set[bytes]) -> list[Candidates]:
+    def grown(self, inliers: Floats, modes: Integers, seen: Seen) -> list[Candidates]:
         """Motions fitted to the ``inliers`` [B, P] (0 or 1), then to what they explain, and so on.
 
-        One element per stage. Inliers that are in ``seen`` already are not fitted again.
+        One element per stage. Inliers that were ``seen`` already are not fitted again.
         """
         made: list[Candidates] = []
         weights = inliers
         for _ in range(STAGES):
-            new = _unseen(inliers, seen)
+            new = seen.new(inliers)
             found = self._fitted(inliers[new], weights[new], modes[new])
             if not found:
                 break
@@ -162,19 +164,31 @@ def from_modes(family: Family, points: Floats, modes: Integers) -> list[Candidat
     modes = np.resize(modes, len(points))
     residuals = family.residuals(points)
     made: list[Candidates] = []
-    seen: set[bytes] = set()
+    seen = Seen(residuals.shape[1])
     for scale in family.noise.first_scales():
         inliers = family.explained(residuals, np.full(len(points), scale))
         made += family.grown(inliers, modes, seen)
     return made
 
 
-def _unseen(inliers: Floats, seen: set[bytes]) -> list[int]:
-    """Rows of ``inliers`` [B, P] that are not in ``seen``, which then has them."""
-    new = []
-    for index, row in enumerate(np.packbits(inliers > 0, axis=1)):
-        key = row.tobytes()
-        if key not in seen:
-            seen.add(key)
-            new.append(index)
-    return new
+class Seen:
+    """Sets of inliers that were fitted; those that differ by a few tracks count as one."""
+
+    def __init__(self, tracks: int) -> None:
+        self._sets = np.zeros((0, tracks), dtype=np.float32)
+
+    def new(self, inliers: Floats) -> list[int]:
+        """The rows of ``inliers`` [B, P] (0 or 1) that are new; they are seen from now on."""
+        rows = inliers.astype(np.float32)
+        known = len(self._sets)
+        every = np.concatenate([self._sets, rows])
+        size = every.sum(axis=1)
+        own = size[known:, None]
+        apart = own + size - 2.0 * (rows @ every.T)
+        same = apart <= SAME * own
+        fresh: list[int] = []
+        for row in range(len(rows)):
+            if not same[row, :known].any() and not same[row, [known + k for k in fresh]].any():
+                fresh.append(row)
+        self._sets = np.concatenate([self._sets, rows[fresh]])
+        return fresh

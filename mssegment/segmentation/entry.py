@@ -10,7 +10,7 @@ import numpy as np
 from mssegment import motions as models
 from mssegment.errors import DataError
 from mssegment.meanshift import MeanShift
-from mssegment.motions import Flags
+from mssegment.motions import Flags, MotionModel
 from mssegment.records import (
     NOT_JUDGED,
     OUTLIER,
@@ -221,32 +221,44 @@ def _refitted(
     A few mismatches among its tracks would pull it, so tracks beyond the noise of the others stay
     out of the fit; unsound fits are not taken.
     """
-    motions = []
-    for j, motion in enumerate(chosen):
-        view, own, point = views[motion.set], owner == j, motion.point
+    points = [motion.point for motion in chosen]
+    for index, view in enumerate(views):
+        moving = [j for j, motion in enumerate(chosen) if motion.set == index]
+        before = np.zeros((len(moving), len(owner)), dtype=bool)
         for _ in range(REFITS):
-            residuals = view.residuals(point[None])[0]
-            kept = own & (residuals <= _noise_limit(residuals[own], view.model.residual_dimension))
-            points, sound = view.fit(kept[None].astype(np.float64))
-            if kept.sum() <= view.model.subset_size or not sound[0]:
+            if not moving:
                 break
-            point = points[0]
-        motions.append(replace(motion, point=point))
-    return tuple(motions)
+            residuals = view.residuals(np.stack([points[j] for j in moving]))
+            own = owner == np.array(moving)[:, None]
+            kept = own & (residuals <= _noise_limits(residuals, own, view.model)[:, None])
+            fitted, sound = view.fit(kept.astype(np.float64))
+            on = sound & (kept.sum(axis=1) > view.model.subset_size) & (kept != before).any(axis=1)
+            for place in np.flatnonzero(on).tolist():
+                points[moving[place]] = fitted[place]
+            moving, before = [moving[k] for k in np.flatnonzero(on)], kept[on]
+    return tuple(replace(motion, point=point) for motion, point in zip(chosen, points, strict=True))
 
 
-def _noise_limit(residuals: Floats, dimension: int) -> float:
-    """What ``TAIL`` of the residuals of a normal noise with the median of these would exceed."""
-    if not len(residuals):
-        return 0.0
-    tail, half = (chi_square_quantile(dimension, share) for share in (1 - TAIL, 0.5))
-    return float(median(residuals) * np.sqrt(tail / half))
+def _noise_limits(residuals: Floats, own: Flags, model: MotionModel) -> Floats:
+    """What ``TAIL`` of the residuals [m, P] of a normal noise would exceed, pixels [m].
+
+    The noise is that which has the median of those that are a motion's ``own`` [m, P].
+    """
+    tail, half = (chi_square_quantile(model.residual_dimension, share) for share in (1 - TAIL, 0.5))
+    medians = [
+        median(row[mine]) if mine.any() else 0.0 for row, mine in zip(residuals, own, strict=True)
+    ]
+    return np.asarray(np.array(medians) * np.sqrt(tail / half), dtype=np.float64)
 
 
 def _residuals(views: Sequence[View], chosen: Sequence[Chosen], tracks: int) -> Floats:
     """Residuals in pixels of the judged tracks from the chosen motions, [m, P]."""
-    rows = [views[c.set].residuals(c.point[None])[0] for c in chosen]
-    return np.stack(rows) if rows else np.zeros((0, tracks))
+    residuals = np.zeros((len(chosen), tracks))
+    for index, view in enumerate(views):
+        own = [j for j, motion in enumerate(chosen) if motion.set == index]
+        if own:
+            residuals[own] = view.residuals(np.stack([chosen[j].point for j in own]))
+    return residuals
 
 
 def _owners(chosen: Sequence[Chosen], residuals: Floats) -> Integers:
