@@ -17,6 +17,7 @@ from mssegment.imaging import frames
 from mssegment.imaging.camera import undistort_points
 from mssegment.imaging.frames import open_frames, reopen_frames
 from mssegment.imaging.pictures import decode, quiet
+from mssegment.imaging.threads import threads_for
 from mssegment.records import Camera, Frame
 
 
@@ -278,3 +279,16 @@ def test_a_long_video_need_not_fit_memory(video: str, monkeypatch: pytest.Monkey
     assert [round(float(g.mean()), -1) for g in greys[1:7:3]] == [30, 90]
     with pytest.raises(IndexError):
         greys[10]
+
+
+@pytest.mark.parametrize("frames", [2, 3])
+def test_two_views_take_one_thread_and_give_the_others_back(frames):
+    usual = cv2.getNumThreads()
+    cv2.setNumThreads(3)
+    try:
+        with pytest.raises(DataError), threads_for(frames):
+            assert cv2.getNumThreads() == (1 if frames == 2 else 3)
+            raise DataError("no corners")
+        assert cv2.getNumThreads() == 3
+    finally:
+        cv2.setNumThreads(usual)

@@ -12,6 +12,7 @@ from typing import Any
 from mssegment.errors import UsageError
 from mssegment.imaging.matching import affine, flow, patches
 from mssegment.imaging.pictures import Grey
+from mssegment.imaging.threads import threads_for
 from mssegment.records import Corners, Tracks
 
 Matcher = Callable[..., Tracks]
@@ -43,4 +44,5 @@ def match(
     name = default_matcher(len(pictures)) if method == "auto" else method
     if name not in MATCHERS:
         raise UsageError(f"match method {name!r}: expected auto, {', '.join(MATCHERS)}")
-    return MATCHERS[name](pictures, corners, **options)
+    with threads_for(len(pictures)):
+        return MATCHERS[name](pictures, corners, **options)
