@@ -111,3 +111,16 @@ def best_matching(gain: Integers) -> list[tuple[int, int]]:
             row_of[column] = row
             column, column_of[row] = int(column_of[row]), column
     return list(enumerate(column_of.tolist()))
+
+
+def linked(pairs: Integers, count: int) -> Integers:
+    """A number for each of ``count`` things, the same where ``pairs`` [k, 2] link them somehow."""
+    group = np.arange(count)
+    while True:
+        least = group.copy()
+        np.minimum.at(least, pairs[:, 0], group[pairs[:, 1]])
+        np.minimum.at(least, pairs[:, 1], group[pairs[:, 0]])
+        least = least[least]
+        if np.array_equal(least, group):
+            return group
+        group = least

@@ -6,8 +6,10 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
+from mssegment.neighbours import nearest, pairs_within
 from mssegment.records import BACKGROUND, Floats
 from mssegment.rendering.report import Picture, Report
+from mssegment.special import linked
 
 Contours = tuple[Floats, ...]
 """Closed outlines, each [n, 2] in pixels."""
@@ -22,12 +24,10 @@ def spacing(points: Floats, neighbour: int = _NEIGHBOUR, share: float = 0.5) -> 
 
     The ``neighbour``-th nearest counts; 0 for fewer than two points.
     """
-    from scipy.spatial import cKDTree
-
     if len(points) < 2:
         return 0.0
     count = min(neighbour, len(points) - 1)
-    distances, _ = cKDTree(points).query(points, k=count + 1)
+    distances, _ = nearest(points, points, count + 1)
     return float(np.quantile(distances[:, -1], share))
 
 
@@ -37,16 +37,10 @@ def settled(points: Floats) -> npt.NDArray[np.bool_]:
     Points within twice the typical spacing hang together; a group counts where it has at least
     three points and a twentieth of all. A wrong inlier far away is not settled.
     """
-    from scipy.sparse import coo_matrix
-    from scipy.sparse.csgraph import connected_components
-    from scipy.spatial import cKDTree
-
     count = len(points)
     if count < 3:
         return np.zeros(count, dtype=bool)
-    pairs = cKDTree(points).query_pairs(2.0 * spacing(points), output_type="ndarray")
-    links = coo_matrix((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(count, count))
-    _, group = connected_components(links, directed=False)
+    group = linked(pairs_within(points, 2.0 * spacing(points)), count)
     sizes = np.bincount(group)
     least = min(int(sizes.max()), max(3, count // 20))
     return np.asarray(sizes[group] >= least)
@@ -140,12 +134,10 @@ def _inwards(points: Floats) -> Floats:
 
     Corners lie on the very edge of an object; a seed there would leak out of it.
     """
-    from scipy.spatial import cKDTree
-
     if len(points) < 2:
         return points
-    _, nearest = cKDTree(points).query(points, k=min(6, len(points)))
-    return np.asarray(points + (points[nearest].mean(axis=1) - points) / 3)
+    _, around = nearest(points, points, min(6, len(points)))
+    return np.asarray(points + (points[around].mean(axis=1) - points) / 3)
 
 
 def dense_regions(report: Report, index: int, picture: Picture) -> dict[int, Contours]:
