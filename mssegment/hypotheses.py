@@ -89,7 +89,7 @@ def hypothesize(
     frames = points.shape[1]
     rotation = None
     if derotate is not False and model == "translation" and camera is not None:
-        from mssegment.motions.derotation import find_rotation  # loads scipy.spatial
+        from mssegment.motions.derotation import find_rotation
 
         found = find_rotation(points[usable], camera, rng)
         rotation = None if found is None else found.rotation

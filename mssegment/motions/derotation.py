@@ -10,7 +10,6 @@ do: the static world may be a third of the matches.
 from __future__ import annotations
 
 import numpy as np
-from scipy.spatial import KDTree
 
 from mssegment.motions.translation import Translation, rays
 from mssegment.motions.turning import (
@@ -27,6 +26,7 @@ from mssegment.motions.turning import (
     tangent_basis,
     turn,
 )
+from mssegment.neighbours import nearest
 from mssegment.records import Camera, Floats, Integers, Record
 
 SUBSETS, SUBSET_SIZE, ROUNDS = 400, 7, 8
@@ -133,9 +133,9 @@ def _matches(
     own = points[chosen].reshape(len(chosen), 4)
     moved = np.flatnonzero(np.linalg.norm(own[:, 2:] - own[:, :2], axis=1) >= LEAST_MOTION)
     seeds = moved[:: max(1, len(moved) // SEEDS)]
-    _, groups = KDTree(own).query(own[seeds], k=min(NEIGHBOURS + 1, len(own)))
+    _, groups = nearest(own, own[seeds], min(NEIGHBOURS + 1, len(own)))
     both = matches[chosen]
-    return _Matches(both[:, 0], both[:, 1], focal, extent, groups.astype(np.int64))
+    return _Matches(both[:, 0], both[:, 1], focal, extent, groups)
 
 
 def _candidates(
@@ -167,7 +167,7 @@ def _subsets(points: Floats, rng: np.random.Generator) -> Integers:
     anywhere = rng.random((half, count)).argsort(axis=1)[:, :SUBSET_SIZE]
     flat = points.reshape(count, 4)
     around = max(count // 4, SUBSET_SIZE)
-    _, near = KDTree(flat).query(flat[rng.integers(count, size=SUBSETS - half)], k=around)
+    _, near = nearest(flat, flat[rng.integers(count, size=SUBSETS - half)], around)
     places = rng.random(near.shape).argsort(axis=1)[:, :SUBSET_SIZE]
     return np.concatenate([anywhere, np.take_along_axis(near, places, axis=1)]).astype(np.int64)
 
