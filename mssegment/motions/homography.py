@@ -8,15 +8,15 @@ import numpy as np
 
 from mssegment import manifolds
 from mssegment.motions.affine import is_flat, is_plausible
-from mssegment.motions.base import Flags, MotionModel, concentrated, weighted_sums
-from mssegment.records import Coordinates, Floats
+from mssegment.motions.base import Flags, MotionModel, concentrated
+from mssegment.records import Coordinates, Floats, Integers
 
 TRIPLES = ((0, 1, 2), (0, 1, 3), (0, 2, 3), (1, 2, 3))
 GAUSS_NEWTON_ROUNDS = 4
 CONVERGED = 1e-4
 """A step that changes no parameter by more is the last one: the next would be a hundredth of it."""
-PRODUCTS = np.array([[0, 1, 3], [1, 2, 4], [3, 4, 5]])
-"""Where (x, y, 1) times (x, y, 1) stands among the monomials."""
+ROWS = 16
+"""Motions fitted at a time: intermediate arrays that stay in the cache."""
 
 
 class Homography(MotionModel):
@@ -51,12 +51,16 @@ class Homography(MotionModel):
 
     def fit(self, observed: Floats, weights: Floats) -> tuple[Floats, Flags]:
         """Least squares of the transfer error in view 2: linear start, Gauss-Newton."""
+        if len(weights) > ROWS and observed.ndim == 3:
+            blocks = [weights[start : start + ROWS] for start in range(0, len(weights), ROWS)]
+            fits = [self.fit(observed, block) for block in blocks]
+            return np.concatenate([p for p, _ in fits]), np.concatenate([s for _, s in fits])
         sound = (weights > 0).sum(axis=1) >= 4
         safe = np.where(sound[:, None], weights, 1.0)
         safe = safe / safe.sum(axis=1, keepdims=True)
         safe, own = concentrated(safe, observed)
         target, monomials = own[..., 1, :], _monomials(own[..., 0, :])
-        middle = weighted_sums(safe, monomials)[:, 3:5]
+        middle = _sums(safe[:, None], monomials)[:, 0, 3:5]
         parameters = _linear_start(safe, target, monomials)
         moving = np.arange(len(safe))
         for _ in range(GAUSS_NEWTON_ROUNDS):
@@ -161,15 +165,15 @@ def _monomials(x: Floats) -> Floats:
 
 def _linear_start(weights: Floats, target: Floats, monomials: Floats) -> Floats:
     """Least squares of the equations that are linear in H with H33 = 1, [B, 8]."""
-    u, v = target[..., :1], target[..., 1:]
-    square = u * u + v * v
-    features = np.concatenate(
-        [monomials, u * monomials, v * monomials, square * monomials[..., :5]], axis=-1
-    )
-    sums = weighted_sums(weights, features)
-    plain, by_u, by_v, by_square = sums[:, :6], sums[:, 6:12], sums[:, 12:18], sums[:, 18:]
-    side = np.concatenate([by_u[:, 3:], by_v[:, 3:], -by_square[:, 3:]], axis=1)
-    return _solve(_normal_matrix(plain, by_u, by_v, by_square), side)
+    u, v = target[..., 0], target[..., 1]
+    factors = np.empty((len(weights), 4, weights.shape[1]))
+    factors[:, 0] = weights
+    np.multiply(weights, u, out=factors[:, 1])
+    np.multiply(weights, v, out=factors[:, 2])
+    np.multiply(weights, u * u + v * v, out=factors[:, 3])
+    sums = _sums(factors, monomials)
+    side = np.concatenate([sums[:, 1, 3:], sums[:, 2, 3:], -sums[:, 3, 3:5]], axis=1)
+    return _solve(sums, side)
 
 
 def _transfer_step(
@@ -189,25 +193,44 @@ def _transfer_step(
     gap_u = np.multiply(pull, target[..., 0] - u, out=factors[:, 4])
     gap_v = np.multiply(pull, target[..., 1] - v, out=factors[:, 5])
     factors[:, 6] = gap_u * u + gap_v * v
-    sums = factors @ monomials
-    normal = _normal_matrix(sums[:, 0], sums[:, 1], sums[:, 2], sums[:, 3])
+    sums = _sums(factors, monomials)
     side = np.concatenate([sums[:, 4, 3:], sums[:, 5, 3:], -sums[:, 6, 3:5]], axis=1)
-    return _solve(normal, side)
+    return _solve(sums[:, :4], side)
 
 
-def _normal_matrix(plain: Floats, by_u: Floats, by_v: Floats, by_square: Floats) -> Floats:
-    """The normal matrices [B, 8, 8] from sums of ``_monomials`` times 1, u, v and u^2 + v^2."""
-    normal = np.zeros((len(plain), 8, 8))
-    normal[:, :3, :3] = normal[:, 3:6, 3:6] = plain[:, PRODUCTS]
-    normal[:, :3, 6:] = -by_u[:, PRODUCTS[:, :2]]
-    normal[:, 3:6, 6:] = -by_v[:, PRODUCTS[:, :2]]
-    normal[:, 6:, :6] = np.swapaxes(normal[:, :6, 6:], 1, 2)
-    normal[:, 6:, 6:] = by_square[:, PRODUCTS[:2, :2]]
-    return normal
+def _sums(factors: Floats, monomials: Floats) -> Floats:
+    """The sums [B, k, 6] of the ``monomials``, [n, 6] or [B, n, 6], times ``factors`` [B, k, n]."""
+    if monomials.ndim == 3:
+        return np.asarray(factors @ monomials)
+    # one large product is faster than one for each motion
+    sums: Floats = factors.reshape(-1, factors.shape[2]) @ monomials
+    return sums.reshape(*factors.shape[:2], 6)
 
 
-def _solve(normal: Floats, side: Floats) -> Floats:
-    """Solutions [B, 8] of normal equations [B, 8, 8] and [B, 8]."""
+def _normal_places() -> tuple[Integers, Floats]:
+    """Where in the sums [4, 6] of 1, u, v and u^2 + v^2 the normal matrix finds its entries; signs.
+
+    Both are [8, 8].
+    """
+    # where (x, y, 1) times (x, y, 1) stands among the monomials
+    products = np.array([[0, 1, 3], [1, 2, 4], [3, 4, 5]])
+    place, sign = np.zeros((8, 8), dtype=np.int64), np.zeros((8, 8))
+    place[:3, :3] = place[3:6, 3:6] = products
+    place[:3, 6:], place[3:6, 6:] = 6 + products[:, :2], 12 + products[:, :2]
+    place[6:, :6] = place[:6, 6:].T
+    place[6:, 6:] = 18 + products[:2, :2]
+    sign[:3, :3] = sign[3:6, 3:6] = sign[6:, 6:] = 1.0
+    sign[:6, 6:] = sign[6:, :6] = -1.0
+    return place, sign
+
+
+_PLACES, _SIGNS = _normal_places()
+
+
+def _solve(sums: Floats, side: Floats) -> Floats:
+    """Solutions [B, 8] of the normal equations from the sums [B, 4, 6] and ``side`` [B, 8]."""
+    normal = sums.reshape(len(sums), 24).take(_PLACES, axis=1) * _SIGNS
     # an unsound set of matches must not stop the batch
-    ridge = 1e-13 * np.trace(normal, axis1=1, axis2=2)[:, None, None] * np.eye(8)
-    return np.asarray(np.linalg.solve(normal + ridge + 1e-300 * np.eye(8), side[..., None])[..., 0])
+    diagonal = normal.reshape(-1, 64)[:, ::9]
+    diagonal += 1e-13 * diagonal.sum(axis=1, keepdims=True) + 1e-300
+    return np.asarray(np.linalg.solve(normal, side[..., None])[..., 0])
