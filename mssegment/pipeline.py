@@ -62,22 +62,6 @@ NOTHING_SHARED = (
     "or choose another model"
 )
 """What hypothesize says of tracks that are only mismatches, or not of the model asked for."""
-KEPT = 31 << 20
-"""Bytes; see ``_keep_freed_memory``."""
-
-
-def _keep_freed_memory() -> None:
-    """Lets the C library keep arrays of this size for the next ones when they are freed.
-
-    glibc gives memory back to the system, page by page to be fetched again, unless a block as large
-    was freed before: then it learns that such blocks come again. Arrays of 200 kB cost several
-    times their arithmetic without it. Nothing is touched, so that it takes no time and no memory.
-    """
-    np.empty(KEPT, dtype=np.uint8)
-
-
-_keep_freed_memory()
-
 _STREAMS = {"match": 1, "hypothesize": 2, "cluster": 3}
 
 
