@@ -13,7 +13,7 @@ from mssegment.records import Coordinates, Floats, Integers
 
 TRIPLES = ((0, 1, 2), (0, 1, 3), (0, 2, 3), (1, 2, 3))
 GAUSS_NEWTON_ROUNDS = 4
-CONVERGED = 1e-4
+CONVERGED = 1e-3
 """A step that changes no parameter by more is the last one: the next would be a hundredth of it."""
 ROWS = 16
 """Motions fitted at a time: intermediate arrays that stay in the cache."""
