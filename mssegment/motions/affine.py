@@ -58,12 +58,22 @@ class Affine(MotionModel):
         second = moments[:, 4:].reshape(-1, 2, 4)
         central = second - mean1[:, :, None] * moments[:, None, :4]
         scatter, cross = central[:, :, :2], central[:, :, 2:]
-        spread = np.linalg.eigvalsh(scatter)
+        across, down, skew = scatter[:, 0, 0], scatter[:, 1, 1], scatter[:, 0, 1]
+        middle = 0.5 * (across + down)
+        root = np.hypot(0.5 * (across - down), skew)
         rounding = 1e-14 * np.trace(second[:, :, :2], axis1=1, axis2=2)
-        least = np.maximum(1e-6 * np.maximum(spread[:, 1], 1e-12), rounding)
-        sound = (total > 0) & (spread[:, 0] > least)
-        scatter = np.where(sound[:, None, None], scatter, np.eye(2))
-        linear = np.swapaxes(np.linalg.solve(scatter, cross), 1, 2)
+        least = np.maximum(1e-6 * np.maximum(middle + root, 1e-12), rounding)
+        sound = (total > 0) & (middle - root > least)
+        # the inverse of the scatter by hand: of 2 x 2 matrices a solver is mostly overhead
+        determinant = np.where(sound, across * down - skew * skew, 1.0)[:, None]
+        own, other = cross[:, 0], cross[:, 1]
+        linear = np.stack(
+            [
+                (down[:, None] * own - skew[:, None] * other) / determinant,
+                (across[:, None] * other - skew[:, None] * own) / determinant,
+            ],
+            axis=2,
+        )
         middle1, middle2 = mean1 + origin[..., 0, 0, :], mean2 + origin[..., 0, 1, :]
         shift = middle2 - np.einsum("bij,bj->bi", linear, middle1)
         return self._checked(linear, shift, sound)

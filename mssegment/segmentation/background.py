@@ -99,13 +99,14 @@ def _wavering(points: Floats, distance: Floats, still: Flags) -> Flags:
     quiet = still[judged]
     weak = ~quiet & (reach < WAVERING * quantile(reach[quiet], LEAST_FRAMES))
     place = np.nanmean(points[judged], axis=1)
-    _, near = nearest(place, place, NEIGHBOURS + 1)
+    asking = np.flatnonzero(weak)
+    _, near = nearest(place, place[asking], NEIGHBOURS + 1)
     while True:
-        joining = weak & ~quiet & (quiet[near[:, 1:]].mean(axis=1) > 0.5)
-        if not joining.any():
+        joining = asking[~quiet[asking] & (quiet[near[:, 1:]].mean(axis=1) > 0.5)]
+        if not joining.size:
             found[judged[quiet]] = True
             return found
-        quiet = quiet | joining
+        quiet[joining] = True
 
 
 def camera_path(points: Floats, largest: float) -> Floats:

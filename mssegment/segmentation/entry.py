@@ -199,15 +199,18 @@ def _strongest_modes(
     A mode belongs to a motion when most tracks of the elemental subsets that converge to it do. The
     candidate that a selection happened to refit may have been a weak neighbour of it.
     """
+    lowest, width = int(labels.min(initial=0)), int(np.ptp(labels)) + 1 if len(labels) else 1
+    counts = np.zeros((len(modes), width), dtype=np.int64)
+    for view, assignment in zip(views, assignments, strict=True):
+        members = np.flatnonzero(assignment >= 0)
+        place = labels[view.hypotheses.subsets[members]] - lowest
+        place += assignment[members, None] * width
+        counts += np.bincount(place.ravel(), minlength=counts.size).reshape(counts.shape)
     owner: dict[int, int] = {}
     told: set[tuple[int, int]] = set()
-    for index, mode in enumerate(modes):
-        subsets = views[mode.set].hypotheses.subsets[assignments[mode.set] == index]
-        names, counts = np.unique(labels[subsets], return_counts=True)
-        if not len(names):
-            continue
-        label = int(names[counts.argmax()])
-        if label > 0 and 2 * counts.max() > counts.sum() and (mode.set, label) not in told:
+    for index, (mode, own) in enumerate(zip(modes, counts, strict=True)):
+        label = int(own.argmax()) + lowest
+        if label > 0 and 2 * own.max() > own.sum() and (mode.set, label) not in told:
             owner[index] = label
             told.add((mode.set, label))
     return owner
