@@ -93,16 +93,15 @@ def hypothesize(
 
         found = find_rotation(points[usable], camera, rng)
         rotation = None if found is None else found.rotation
-    sets = [
-        _sample(
-            _scene(motions.make(n, frames=frames, rank=rank), points, usable, camera, rotation),
-            # of two sets the first finds the bodies; the second need not be as dense
-            FEWEST // 2 if count == "auto" and n != names[0] else count,
-            sampling,
-            rng,
-        )
-        for n in names
-    ]
+    neighbours: Integers | None = None
+    sets = []
+    for name in names:
+        made = motions.make(name, frames=frames, rank=rank)
+        scene = _scene(made, points, usable, camera, rotation, neighbours)
+        neighbours = scene.neighbours
+        # of two sets the first finds the bodies; the second need not be as dense
+        fewer = count == "auto" and name != names[0]
+        sets.append(_sample(scene, FEWEST // 2 if fewer else count, sampling, rng))
     return [one for one in sets if len(one.points)]
 
 
@@ -161,7 +160,9 @@ def _scene(
     usable: Flags,
     camera: Camera | None,
     rotation: Floats | None,
+    neighbours: Integers | None,
 ) -> _Scene:
+    """``neighbours`` are those of the same tracks, where they are known from another model."""
     indices = np.flatnonzero(usable)
     needed = model.subset_size + 1
     if len(indices) < needed:
@@ -190,7 +191,7 @@ def _scene(
         observed,
         coordinates,
         indices,
-        nearest_neighbours(tracks, NEIGHBOURS),
+        nearest_neighbours(tracks, NEIGHBOURS) if neighbours is None else neighbours,
         seeds,
         AGREEMENT * float(spread),
     )
