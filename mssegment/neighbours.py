@@ -18,6 +18,8 @@ MORE = 4
 """So many more are asked for, of which double precision chooses."""
 QUERIES = 4096
 """Queries at a time."""
+FEW = 4
+"""Of points of so few coordinates each is gathered on its own, which is faster."""
 
 
 def nearest(
@@ -41,16 +43,27 @@ def nearest(
         found, _ = tree.knnSearch(
             (some - middle).astype(np.float32), min(count + MORE, n), params={}
         )
-        # sorted by index first, so that the stable sort by distance leaves equals in that order
-        ranked = np.sort(found, axis=1).astype(np.int64)
-        away = np.sqrt(np.sum((space[ranked] - some[:, None]) ** 2, axis=2))
-        order = np.argsort(away, axis=1, kind="stable")[:, :count]
-        filled = order.shape[1]
-        distance[rows, :filled] = np.take_along_axis(away, order, axis=1)
-        index[rows, :filled] = np.take_along_axis(ranked, order, axis=1)
+        away = _distances(space, found, some)
+        unsure = np.flatnonzero(~(np.diff(away, axis=1) > 0).all(axis=1))
+        order = np.lexsort((found[unsure], away[unsure]))
+        away[unsure] = np.take_along_axis(away[unsure], order, axis=1)
+        found[unsure] = np.take_along_axis(found[unsure], order, axis=1)
+        filled = min(count, n)
+        distance[rows, :filled], index[rows, :filled] = away[:, :filled], found[:, :filled]
     far = ~(distance < within)
     distance[far], index[far] = np.inf, n
     return distance, index
+
+
+def _distances(points: Floats, found: Integers, queries: Floats) -> Floats:
+    """From each of ``queries`` [m, d] to the ``points`` [n, d] that ``found`` [m, k] names."""
+    if points.shape[1] > FEW:
+        return np.asarray(np.sqrt(np.sum((points[found] - queries[:, None]) ** 2, axis=2)))
+    squares = sum(
+        (points[:, axis].take(found) - queries[:, axis, None]) ** 2
+        for axis in range(points.shape[1])
+    )
+    return np.asarray(np.sqrt(squares))
 
 
 def nearest_others(points: npt.ArrayLike, count: int) -> Integers:
