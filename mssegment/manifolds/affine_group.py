@@ -19,10 +19,7 @@ from mssegment.manifolds.matrix_group import MatrixGroup, gauss_legendre
 from mssegment.records import Floats
 
 _WITHIN = (0.1, 0.25)
-_NODES = {
-    np.dtype(np.float64): tuple(gauss_legendre(count) for count in (5, 7, 12)),
-    np.dtype(np.float32): tuple(gauss_legendre(count) for count in (2, 3, 6)),
-}
+_NODES = {np.dtype(np.float64): (5, 7, 12), np.dtype(np.float32): (2, 3, 6)}
 """Enough for the integral of phi where eigenvalues are so near 1, and where it is used at all, to
 1e-15, and to 1e-6 or so."""
 
@@ -119,7 +116,7 @@ def _phi_near(s: Array, c: Array, within: float = 1.0) -> tuple[Array, Array]:
     """By a quadrature, where the eigenvalues are ``within`` so much of 1."""
     nodes = _NODES[s.dtype][sum(within >= bound for bound in _WITHIN)]
     p, q = np.zeros_like(s), np.zeros_like(s)
-    for t, w in nodes:
+    for t, w in gauss_legendre(nodes):
         u = t * s
         u += 1.0
         over = u * u

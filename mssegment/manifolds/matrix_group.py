@@ -9,7 +9,7 @@ pairs of points; r may leave out constant last rows.
 from __future__ import annotations
 
 from abc import abstractmethod
-from functools import cached_property
+from functools import cache, cached_property
 from math import factorial
 from typing import ClassVar
 
@@ -130,7 +130,7 @@ class MatrixGroup(Manifold):
             return log
         term = log
         total = log.copy()
-        for i, coefficient in enumerate(_BERNOULLI, start=1):
+        for i, coefficient in enumerate(_bernoulli(2 * BERNOULLI_TERMS), start=1):
             term = self._adjoint(log, term)
             total += coefficient * term
             if i % 2 == 0 and not np.nanmax(np.abs(term), initial=0.0) * abs(coefficient) > 1e-15:
@@ -297,6 +297,7 @@ class _GroupView(View):
         return self._x @ group._last(sums), total
 
 
+@cache
 def gauss_legendre(nodes: int) -> list[tuple[float, float]]:
     """Abscissae and weights of Gauss-Legendre quadrature on [0, 1] (Golub and Welsch, 1969).
 
@@ -351,7 +352,8 @@ def _length2(log: Array) -> Array:
     return np.where(np.isnan(length2), np.inf, length2)
 
 
-def _bernoulli(count: int) -> Floats:
+@cache
+def _bernoulli(count: int) -> list[float]:
     """The coefficients of z, z^2, ... in z / (e^z - 1): -1/2, 1/12, 0, -1/720, ..."""
     even = np.arange(2, count + 1, 2)
     zeta = np.array([np.sum(1.0 / np.arange(1.0, 1e4 if s < 4 else 60.0) ** s) for s in even])
@@ -360,7 +362,4 @@ def _bernoulli(count: int) -> Floats:
     coefficients = np.zeros(count)
     coefficients[0] = -0.5
     coefficients[even - 1] = (-1.0) ** (even // 2 + 1) * 2 * zeta / (2 * np.pi) ** even
-    return coefficients
-
-
-_BERNOULLI = _bernoulli(2 * BERNOULLI_TERMS).tolist()
+    return [float(each) for each in coefficients]

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import cache
+
 import numpy as np
 import numpy.typing as npt
 
@@ -17,17 +19,8 @@ BEYOND = 2.2
 MOST_ROOTS, MOST_STEPS = 40, 20
 
 
-def _nodes(count: int) -> list[tuple[float, float]]:
-    """Half the nodes of Gauss and Legendre on [-1, 1], (1 - t^2) / 2 and weight."""
-    whole = [(2.0 * t - 1.0, 2.0 * w) for t, w in gauss_legendre(2 * count)]
-    return [(0.5 * (1.0 - t * t), w) for t, w in whole if t > 0]
-
-
 _SHARES = (0.075, 0.25)
-_NODES = {
-    np.dtype(np.float64): tuple(_nodes(count) for count in (5, 7, 12)),
-    np.dtype(np.float32): tuple(_nodes(count) for count in (2, 3, 5)),
-}
+_NODES = {np.dtype(np.float64): (5, 7, 12), np.dtype(np.float32): (2, 3, 5)}
 """Enough up to these shares of the bounds, and up to them, for logarithms to 1e-13 and to 3e-6."""
 
 
@@ -90,6 +83,13 @@ def _log(m: Array, within: float, roots: int) -> Array:
             root = _square_root(m[:, :, far])
             log[:, :, far] = 2.0 * _log(root, 0.5 * within, roots - 1)
     return log
+
+
+@cache
+def _nodes(count: int) -> list[tuple[float, float]]:
+    """Half the nodes of Gauss and Legendre on [-1, 1], (1 - t^2) / 2 and weight."""
+    whole = [(2.0 * t - 1.0, 2.0 * w) for t, w in gauss_legendre(2 * count)]
+    return [(0.5 * (1.0 - t * t), w) for t, w in whole if t > 0]
 
 
 def _adjugate(m: Array) -> Array:
@@ -167,9 +167,7 @@ def _square_root(m: Array) -> Array:
     return np.asarray(root)
 
 
-def _log_near_identity(
-    m: Array, inverse: Array, a: Array, b: Array, nodes: list[tuple[float, float]]
-) -> Array:
+def _log_near_identity(m: Array, inverse: Array, a: Array, b: Array, nodes: int) -> Array:
     """log M from M, its ``inverse``, their traces ``a`` and ``b``, by a quadrature.
 
     With sinh log M = (M - M^-1) / 2 and cosh log M = (M + M^-1) / 2 = I + E, log M is the integral
@@ -182,7 +180,7 @@ def _log_near_identity(
     total, product = x + y, x * y
     square = total * total
     plain, own, other = np.zeros_like(a), np.zeros_like(a), np.zeros_like(a)
-    for u, w in nodes:
+    for u, w in _nodes(nodes):
         v, rest = 0.5 * u, 1.0 - u
         g = v * v / rest
         over = (v * g) * square
