@@ -15,6 +15,7 @@ from hypothesis import strategies as st
 from mssegment.errors import ConfigurationError, DataError, MssegmentError, UsageError
 from mssegment.imaging import frames
 from mssegment.imaging.camera import undistort_points
+from mssegment.imaging.corners import harris
 from mssegment.imaging.frames import open_frames, reopen_frames
 from mssegment.imaging.pictures import decode, quiet
 from mssegment.imaging.threads import threads_for
@@ -291,3 +292,11 @@ def test_two_views_take_one_thread_and_give_the_others_back(frames, expected):
         assert cv2.getNumThreads() == 3
     finally:
         cv2.setNumThreads(usual)
+
+
+def test_harris_is_its_formula_also_where_memory_is_used_again():
+    grey = texture().astype(np.float32)
+    gx, gy = (cv2.Scharr(grey, cv2.CV_32F, *way, scale=1 / 32) for way in ((1, 0), (0, 1)))
+    xx, yy, xy = (cv2.GaussianBlur(p, (0, 0), 1.0) for p in (gx * gx, gy * gy, gx * gy))
+    expected = xx * yy - xy * xy - np.float32(0.04) * (xx + yy) * (xx + yy)
+    np.testing.assert_array_equal(harris(grey), expected)

@@ -109,15 +109,25 @@ def detect_all(
 
 
 def harris(grey: Grey) -> npt.NDArray[np.float32]:
-    """Harris response det(M) - k tr(M)^2, M the gradients' products under a Gaussian of sigma 1."""
-    gx = cv2.Scharr(grey, cv2.CV_32F, 1, 0, scale=1 / 32)
-    gy = cv2.Scharr(grey, cv2.CV_32F, 0, 1, scale=1 / 32)
-    xx, yy, xy = (
-        cv2.GaussianBlur(product, (0, 0), INTEGRATION_SIGMA)
-        for product in (gx * gx, gy * gy, gx * gy)
-    )
-    trace = xx + yy
-    return np.asarray(xx * yy - xy * xy - np.float32(HARRIS_K) * trace * trace)
+    """Harris response det(M) - k tr(M)^2, M the gradients' products under a Gaussian of sigma 1.
+
+    In four arrays, used again and again: fresh memory takes longer than the arithmetic.
+    """
+    xx = np.asarray(cv2.Scharr(grey, cv2.CV_32F, 1, 0, scale=1 / 32), np.float32)
+    yy = np.asarray(cv2.Scharr(grey, cv2.CV_32F, 0, 1, scale=1 / 32), np.float32)
+    xy = xx * yy
+    xx *= xx
+    yy *= yy
+    for product in (xx, yy, xy):
+        cv2.GaussianBlur(product, (0, 0), INTEGRATION_SIGMA, dst=product)
+    response = xx * yy
+    xy *= xy
+    response -= xy
+    xx += yy  # the trace
+    np.multiply(xx, np.float32(HARRIS_K), out=yy)
+    yy *= xx
+    response -= yy
+    return np.asarray(response)
 
 
 def _detect_on_level(
