@@ -206,12 +206,8 @@ class _GroupCloud(Cloud):
         forward = x.transpose(2, 0, 1).astype(self.dtype)
         back = forward.reshape(-1, self.group.size) @ self.inverses
         back = back.reshape(self.group.size, len(x), self.group.rows, self.size)
-        total = np.zeros((len(x), self.size), dtype=self.dtype)
-        for i in range(self.group.rows):
-            for j in range(self.group.size):
-                twice = ratio[i, :, j] - back[j, :, i]
-                twice *= twice
-                total += twice
+        twice = ratio - back.transpose(2, 1, 0, 3)
+        total: Array = np.einsum("imjn,imjn->mn", twice, twice)
         total *= 0.25
         return total
 
