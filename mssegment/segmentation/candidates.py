@@ -117,14 +117,17 @@ class Family(Record, frozen=True):
         return made
 
     def _fitted(self, inliers: Floats, weights: Floats, modes: Integers) -> list[Candidates]:
-        points, sound = self.view.fit(weights)
-        sound = sound & (inliers.sum(axis=1) > self.view.model.subset_size)
+        enough = np.flatnonzero(inliers.sum(axis=1) > self.view.model.subset_size)
+        if not enough.size:
+            return []
+        points, sound = self.view.fit(weights[enough])
         if not sound.any():
             return []
-        points, inliers = points[sound], inliers[sound]
+        points, own = points[sound], enough[sound]
+        inliers = inliers[own]
         residuals = self.residuals(points)
         scales = self.noise.scales(residuals, inliers)
-        return [self._made(points, scales, residuals, modes[sound], inliers)]
+        return [self._made(points, scales, residuals, modes[own], inliers)]
 
     def gains(self, points: Floats, residuals: Floats, scales: Floats, inliers: Floats) -> Floats:
         """Nats that each motion saves on each track, [B, P], given its ``inliers`` [B, P]."""

@@ -47,13 +47,13 @@ def refit_once(families: Sequence[Family], current: Candidates, inliers: Floats)
     scales, residuals = current.scales.copy(), current.residuals.copy()
     gains = current.gains.copy()
     for family in families:
-        own = np.flatnonzero(current.views == family.index)
+        enough = inliers.sum(axis=1) > family.view.model.subset_size
+        own = np.flatnonzero(enough & (current.views == family.index))
         if not len(own):
             continue
         weights = inliers[own] * family.noise.weights(residuals[own], scales[own])
         fitted, sound = family.view.fit(weights)
-        enough = inliers[own].sum(axis=1) > family.view.model.subset_size
-        good = np.flatnonzero(sound & enough)
+        good = np.flatnonzero(sound)
         new = family.residuals(fitted[good])
         k = own[good]
         scale = family.noise.scales(new, inliers[k], scales[k])
