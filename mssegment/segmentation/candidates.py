@@ -189,9 +189,10 @@ class Seen:
         own = size[known:, None]
         apart = own + size - 2.0 * (rows @ every.T)
         same = apart <= SAME * own
+        among = same[:, known:].tolist()
         fresh: list[int] = []
-        for row in range(len(rows)):
-            if not same[row, :known].any() and not same[row, [known + k for k in fresh]].any():
+        for row in np.flatnonzero(~same[:, :known].any(axis=1)).tolist():
+            if not any(among[row][k] for k in fresh):
                 fresh.append(row)
         self._sets = np.concatenate([self._sets, rows[fresh]])
         return fresh

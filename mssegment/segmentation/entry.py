@@ -208,9 +208,10 @@ def _strongest_modes(
         counts += np.bincount(place.ravel(), minlength=counts.size).reshape(counts.shape)
     owner: dict[int, int] = {}
     told: set[tuple[int, int]] = set()
-    for index, (mode, own) in enumerate(zip(modes, counts, strict=True)):
-        label = int(own.argmax()) + lowest
-        if label > 0 and 2 * own.max() > own.sum() and (mode.set, label) not in told:
+    names = (counts.argmax(axis=1) + lowest).tolist()
+    most = (2 * counts.max(axis=1, initial=0) > counts.sum(axis=1)).tolist()
+    for index, (mode, label) in enumerate(zip(modes, names, strict=True)):
+        if label > 0 and most[index] and (mode.set, label) not in told:
             owner[index] = label
             told.add((mode.set, label))
     return owner
