@@ -199,7 +199,8 @@ def _strongest_modes(
     A mode belongs to a motion when most tracks of the elemental subsets that converge to it do. The
     candidate that a selection happened to refit may have been a weak neighbour of it.
     """
-    lowest, width = int(labels.min(initial=0)), int(np.ptp(labels)) + 1 if len(labels) else 1
+    lowest = int(labels.min(initial=0))
+    width = int(labels.max(initial=0)) - lowest + 1
     counts = np.zeros((len(modes), width), dtype=np.int64)
     for view, assignment in zip(views, assignments, strict=True):
         members = np.flatnonzero(assignment >= 0)
