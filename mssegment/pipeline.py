@@ -7,12 +7,9 @@ a chain of single commands give the same result.
 
 from __future__ import annotations
 
-import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
-import msgspec
 import numpy as np
 
 import mssegment
@@ -37,8 +34,8 @@ from mssegment.records import (
     Motion,
     Record,
     Segmentation,
-    State,
 )
+from mssegment.resources import Timings, keep_freed_memory
 
 if TYPE_CHECKING:
     from mssegment.imaging.frames import FrameSource
@@ -65,20 +62,7 @@ NOTHING_SHARED = (
 _STREAMS = {"match": 1, "hypothesize": 2, "cluster": 3}
 
 
-def _keep_freed_memory() -> None:
-    """Makes glibc keep the memory of freed arrays for the next ones, in large pages.
-
-    It hands a large block back to the system, and fetching the same pages again and again takes a
-    tenth of a run. It stops doing so for blocks up to the largest, of at most 32 MB, that it has
-    seen freed. The second block therefore lies where later arrays will, and there NumPy asks the
-    system for large pages, which takes another 3 %. Neither is touched, so they cost nothing;
-    with another C library, or where there are no large pages, nothing changes.
-    """
-    for _ in range(2):
-        np.empty(31 * 2**20, dtype=np.uint8)
-
-
-_keep_freed_memory()
+keep_freed_memory()
 
 
 def _random(stage: str, configuration: Configuration) -> np.random.Generator:
@@ -295,21 +279,6 @@ def _segmentation(
     )
 
 
-class Timings(State):
-    """Seconds of every stage, in the order they ran, and peak memory in bytes after each."""
-
-    seconds: dict[str, float] = msgspec.field(default_factory=dict)
-    peak_bytes: dict[str, int] = msgspec.field(default_factory=dict)
-
-    @contextmanager
-    def stage(self, name: str) -> Iterator[None]:
-        """Measures the block as stage ``name``."""
-        start = time.perf_counter()
-        yield
-        self.seconds[name] = time.perf_counter() - start
-        self.peak_bytes[name] = _peak_bytes()
-
-
 class Result(Record, frozen=True):
     """All documents of one run; ``corners`` is None where tracks were given."""
 
@@ -403,14 +372,3 @@ def _entry(stage: str, configuration: Configuration, notes: tuple[str, ...] = ()
         settings={key: setting_of(configuration, key) for key in STAGE_KEYS[stage]},
         notes=notes,
     )
-
-
-def _peak_bytes() -> int:
-    try:
-        import resource
-    except ImportError:  # Windows has no such counter
-        return 0
-    import sys
-
-    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    return int(peak if sys.platform == "darwin" else peak * 1024)

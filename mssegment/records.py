@@ -1,7 +1,7 @@
 """The nouns that pass between the rooms: frames, corners, tracks, hypotheses, modes, motions.
 
-Plain data without behaviour that depends on anything but numpy, so that every room may import
-it. ``documents`` writes these very records as JSON; an array is ``float64`` or ``int64``.
+Plain data without behaviour, so that every room may import it. ``documents`` writes these very
+records as JSON; an array is ``float64`` or ``int64``.
 """
 
 from __future__ import annotations

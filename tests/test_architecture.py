@@ -12,7 +12,7 @@ import mssegment
 ROOT = Path(mssegment.__file__).parent
 FLOORS = [
     {"records", "errors"},
-    {"neighbours", "special"},
+    {"neighbours", "resources", "special"},
     {"manifolds"},
     {"motions", "evaluation"},
     {"meanshift", "imaging", "datasets", "documents", "configuration"},

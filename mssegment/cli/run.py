@@ -31,6 +31,7 @@ from mssegment.errors import ConfigurationError, UsageError
 if TYPE_CHECKING:
     from mssegment import pipeline
     from mssegment.cli.results import Results
+    from mssegment.resources import Timings
 
 KEYS = ("hypothesize.model", "segment.motions", "camera.file", "report.labels", "seed")
 _TRACK_FILES = (".csv", ".mat", ".json")
@@ -87,7 +88,7 @@ def command(
 
         with voice.working("read") as progress:
 
-            def on_stage(name: str, document: Document | None, timings: pipeline.Timings) -> None:
+            def on_stage(name: str, document: Document | None, timings: Timings) -> None:
                 if document is None:
                     progress(name)
                 else:
@@ -153,7 +154,7 @@ def _write(result: pipeline.Result, results: Results, out: str) -> list[str]:
     return results.write(out)
 
 
-def _finish(timings: pipeline.Timings, names: list[str], out: str, voice: Voice) -> None:
+def _finish(timings: Timings, names: list[str], out: str, voice: Voice) -> None:
     """timings.json, and the line that says where everything is."""
     import msgspec
 
@@ -167,7 +168,7 @@ def _finish(timings: pipeline.Timings, names: list[str], out: str, voice: Voice)
     voice.stage("report", f"{len(names)} files in {out}", timings.seconds["report"])
 
 
-def _profile(timings: pipeline.Timings) -> str:
+def _profile(timings: Timings) -> str:
     total = sum(timings.seconds.values())
     lines = [f"{'stage':<12} {'seconds':>8} {'share':>6} {'peak MB':>8}"]
     for name, seconds in timings.seconds.items():
