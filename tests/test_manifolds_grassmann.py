@@ -91,3 +91,13 @@ def test_principal_angles_are_accurate_when_small(rng):
     y = manifold.exp(x, (u * angles) @ vt)
     np.testing.assert_allclose(manifold.principal_angles(x, y), angles, rtol=1e-5)
     assert manifold.norm(x, manifold.log(x, y)) == pytest.approx(np.linalg.norm(angles), rel=1e-5)
+
+
+@pytest.mark.parametrize(("n", "k"), [(3, 1), (4, 2), (13, 4)])
+def test_hundreds_of_steps_stay_on_the_manifold(n: int, k: int, rng: np.random.Generator) -> None:
+    """As many as the longest trajectory of a mean shift has."""
+    manifold = Grassmann(n, k)
+    x = manifold.random_point(rng, 20)
+    for _ in range(300):
+        x = manifold.exp(x, rng.uniform(0.01, 0.5) * manifold.random_tangent(x, rng))
+    assert manifold.deviation(x).max() < 1e-10
