@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from functools import lru_cache
 
 import cv2
 import numpy as np
@@ -92,6 +93,7 @@ def view_of(report: Report, index: int) -> View:
     return View(index, mute(picture), scale, typical_spacing(report))
 
 
+@lru_cache(maxsize=1)  # every frame and the page ask for it
 def typical_spacing(report: Report) -> float:
     """How far the inliers of a motion lie from each other, in frame pixels; infinite without any.
 

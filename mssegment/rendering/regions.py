@@ -7,7 +7,7 @@ import numpy as np
 import numpy.typing as npt
 
 from mssegment.neighbours import nearest, pairs_within
-from mssegment.records import BACKGROUND, Floats
+from mssegment.records import BACKGROUND, LARGEST_COORDINATE, Floats
 from mssegment.rendering.report import Picture, Report
 from mssegment.special import linked
 
@@ -27,6 +27,7 @@ def spacing(points: Floats, neighbour: int = _NEIGHBOUR, share: float = 0.5) -> 
     if len(points) < 2:
         return 0.0
     count = min(neighbour, len(points) - 1)
+    points = np.clip(points, -LARGEST_COORDINATE, LARGEST_COORDINATE)
     distances, _ = nearest(points, points, count + 1)
     return float(np.quantile(distances[:, -1], share))
 

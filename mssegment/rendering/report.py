@@ -41,7 +41,7 @@ def no_picture(index: int) -> None:
     """The picture of a frame whose file is not at hand."""
 
 
-class Report(Record, frozen=True):
+class Report(Record, frozen=True, eq=False):
     """A segmentation with all that is needed to show it.
 
     ``truth`` [P] are the true labels, ``evaluation`` the comparison with them; ``res`` and

@@ -58,10 +58,12 @@ def spread(points: Floats, count: int) -> Integers:
     if count >= len(points):
         return np.arange(len(points))
     chosen = [int(np.argmin(((points - np.median(points, axis=0)) ** 2).sum(axis=1)))]
-    far = ((points - points[chosen[0]]) ** 2).sum(axis=1)
+    x, y = points.T.copy()
+    far = np.full(len(points), np.inf)
     while len(chosen) < count:
+        last = chosen[-1]
+        np.minimum(far, (x - x[last]) ** 2 + (y - y[last]) ** 2, out=far)
         chosen.append(int(np.argmax(far)))
-        far = np.minimum(far, ((points - points[chosen[-1]]) ** 2).sum(axis=1))
     return np.sort(np.array(chosen))
 
 
