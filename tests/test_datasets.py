@@ -231,6 +231,13 @@ def test_located_labels_from_a_file(tmp_path: Path) -> None:
         datasets.read_located_labels(path)
 
 
+def test_a_label_beyond_every_picture_is_a_mistake(tmp_path):
+    path = tmp_path / "labels.csv"
+    path.write_text("x,y,label\n1e300,5,1\n100,100,2\n")
+    with pytest.raises(DataError, match=r"a label is at 1e\+300; expected pixels"):
+        datasets.read_located_labels(path)
+
+
 @pytest.mark.parametrize(
     "text",
     [

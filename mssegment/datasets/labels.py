@@ -12,7 +12,7 @@ from mssegment.datasets.base import check_labels
 from mssegment.datasets.csv_tracks import LOCATED, MATCHES, read_table
 from mssegment.errors import DataError
 from mssegment.neighbours import nearest
-from mssegment.records import IGNORED, OUTLIER, Floats, Integers
+from mssegment.records import IGNORED, LARGEST_COORDINATE, OUTLIER, Floats, Integers
 
 MASK_IGNORE = 255
 """The mask value of a place that nobody may be judged by."""
@@ -80,6 +80,12 @@ def read_located_labels(path: Path) -> tuple[Floats, Integers]:
     for names in (MATCHES, LOCATED[:2]):
         if set(names) <= set(columns) and "label" in columns:
             places = np.stack([columns[name] for name in names], axis=1)
+            wild = np.abs(places) > LARGEST_COORDINATE
+            if wild.any():
+                raise DataError(
+                    f"{path}: a label is at {places[wild][0]:g}; "
+                    f"expected pixels, at most {LARGEST_COORDINATE:g}"
+                )
             return places, check_labels(columns["label"], len(places), f"{path}: column 'label'")
     raise DataError(
         f"{path}: columns {','.join(columns)}; expected x,y,label (first frame) or "
