@@ -1,22 +1,22 @@
 """Matrix Lie groups: what A(2) and SL(3) share (section 4.2 of the paper).
 
 Points are matrices x with the left-invariant inner product g_x(u, v) = tr((x^-1 u)' x^-1 v), so
-that (18)-(20) need only the matrix exponential and logarithm of the group. Those work on arrays
-with the *matrix axes first*, shape (r, s, ...), where every entry is one contiguous array over all
-pairs of points; r may leave out constant last rows.
+that (18)-(20) need only the matrix exponential and the logarithm of the group. That works on arrays with
+the *matrix axes first*, shape (r, s, ...), where every entry is one contiguous array over all pairs
+of points; r may leave out constant last rows.
 """
 
 from __future__ import annotations
 
 from abc import abstractmethod
-from functools import cache, cached_property
-from math import factorial
+from functools import cached_property
 from typing import ClassVar
 
 import numpy as np
 
 from mssegment.errors import ConfigurationError
 from mssegment.manifolds.base import CACHE_NUMBERS, Array, Cloud, Manifold, View, precision
+from mssegment.manifolds.matrices import bernoulli, exponential, inverse, length2, solve
 from mssegment.records import Floats, Integers
 
 BERNOULLI_TERMS = 40
@@ -24,11 +24,8 @@ FARTHEST = 3.0
 """Where pairs further apart than this matter, looking for those that do not saves nothing."""
 SLACK = 1.001
 """Rounding must not leave out what is just within reach."""
-ROUNDING = 1e-15
 SPARE = 8
 """Pairs more than twice as many as are asked for, among which the nearest ones are looked for."""
-HALVED = 0.3
-"""The exponential of anything longer is that of its half, squared."""
 DENSE = 0.5
 """The share of pairs within reach above which all logarithms at once are faster."""
 
@@ -96,27 +93,27 @@ class MatrixGroup(Manifold):
 
     def exp(self, x: Floats, v: Floats) -> Floats:
         """Equation (18), x exp(x^-1 v)."""
-        return np.asarray(x @ _exponential(_solve(x, v)))
+        return np.asarray(x @ exponential(solve(x, v)))
 
     def log(self, x: Floats, y: Floats) -> Floats:
         """Equation (19), x log(x^-1 y); NaN where there is no real logarithm."""
-        return np.asarray(x @ self._last(self.algebra_log(self._first(_solve(x, y)))))
+        return np.asarray(x @ self._last(self.algebra_log(self._first(solve(x, y)))))
 
     def inner(self, x: Floats, u: Floats, v: Floats) -> Floats:
         """tr((x^-1 u)' x^-1 v), the left-invariant inner product that belongs to (20)."""
-        return np.asarray(np.sum(_solve(x, u) * _solve(x, v), axis=(-2, -1)))
+        return np.asarray(np.sum(solve(x, u) * solve(x, v), axis=(-2, -1)))
 
     def norm(self, x: Floats, v: Floats) -> Floats:
         """|x^-1 v|_F."""
-        return np.asarray(np.linalg.norm(_solve(x, v), axis=(-2, -1)))
+        return np.asarray(np.linalg.norm(solve(x, v), axis=(-2, -1)))
 
     def dist(self, x: Floats, y: Floats) -> Floats:
         """Equation (20), |log x^-1 y|_F; infinite where there is no real logarithm."""
-        return np.sqrt(_length2(self.algebra_log(self._first(_solve(x, y))))).astype(np.float64)
+        return np.sqrt(length2(self.algebra_log(self._first(solve(x, y))))).astype(np.float64)
 
     def attraction(self, x: Floats, y: Floats) -> Floats:
         """Equation (21), log_x(y), or the exact -1/2 grad d^2; zero where d is infinite."""
-        pull = self.pull_of(self.algebra_log(self._first(_solve(x, y))))
+        pull = self.pull_of(self.algebra_log(self._first(solve(x, y))))
         return np.asarray(x @ self._last(np.nan_to_num(pull, nan=0.0)))
 
     def pull_of(self, log: Array) -> Array:
@@ -130,7 +127,7 @@ class MatrixGroup(Manifold):
             return log
         term = log
         total = log.copy()
-        for i, coefficient in enumerate(_bernoulli(2 * BERNOULLI_TERMS), start=1):
+        for i, coefficient in enumerate(bernoulli(2 * BERNOULLI_TERMS), start=1):
             term = self._adjoint(log, term)
             total += coefficient * term
             if i % 2 == 0 and not np.nanmax(np.abs(term), initial=0.0) * abs(coefficient) > 1e-15:
@@ -152,7 +149,7 @@ class MatrixGroup(Manifold):
 
     def project_tangent(self, x: Floats, v: Floats) -> Floats:
         """x times the part of x^-1 v in the Lie algebra."""
-        return np.asarray(x @ self._last(self.onto_algebra(self._first(_solve(x, v)))))
+        return np.asarray(x @ self._last(self.onto_algebra(self._first(solve(x, v)))))
 
     def random_point(self, rng: np.random.Generator, size: int) -> Floats:
         """Exponentials of random elements of the algebra, about 1 from the identity."""
@@ -188,7 +185,7 @@ class _GroupCloud(Cloud):
     @cached_property
     def inverses(self) -> Array:
         """The inverses of the points, as columns (size, rows n)."""
-        return self._columns(_inverse(self._points).transpose(2, 1, 0)[:, : self.group.rows])
+        return self._columns(inverse(self._points).transpose(2, 1, 0)[:, : self.group.rows])
 
     def _columns(self, entries: Array) -> Array:
         """Matrices (r, s, n) as one (r, s n)."""
@@ -197,8 +194,8 @@ class _GroupCloud(Cloud):
 
     def ratios(self, x: Floats) -> Array:
         """x^-1 y for the places ``x`` [m, ...] and all points, (rows, m, size, n)."""
-        inverse = np.moveaxis(_inverse(x), 0, 1)[: self.group.rows].astype(self.dtype)
-        ratio = inverse.reshape(-1, self.group.size) @ self.columns
+        back = np.moveaxis(inverse(x), 0, 1)[: self.group.rows].astype(self.dtype)
+        ratio = back.reshape(-1, self.group.size) @ self.columns
         return ratio.reshape(self.group.rows, len(x), self.group.size, self.size)
 
     def sinh2(self, x: Floats, ratio: Array) -> Array:
@@ -237,7 +234,7 @@ class _GroupCloud(Cloud):
         sinh2 = self.sinh2(x, ratio)
         order = np.argpartition(sinh2, spare, axis=1)[:, : spare + 1]
         pairs = order + np.arange(len(x))[:, None] * self.size
-        z = _length2(self.logs_at(ratio, pairs.ravel())).reshape(order.shape)
+        z = length2(self.logs_at(ratio, pairs.ravel())).reshape(order.shape)
         z = np.sort(z, axis=1)[:, : count + 1]
         beyond = np.arcsinh(np.sqrt(sinh2.ravel()[pairs[:, -1]]))
         z /= self.bandwidth**2
@@ -255,11 +252,11 @@ class _GroupView(View):
         if self._pairs is None:
             whole = np.ascontiguousarray(np.moveaxis(ratio, 2, 1))
             self._log = cloud.group.algebra_log(whole, cloud.reach)
-            self.z = self._length2() / cloud.bandwidth**2
+            self.z = self._squares() / cloud.bandwidth**2
         else:
             self._log = cloud.logs_at(ratio, self._pairs)
             self.z = np.full((len(x), cloud.size), np.inf, dtype=cloud.dtype)
-            self.z.ravel()[self._pairs] = self._length2() / cloud.bandwidth**2
+            self.z.ravel()[self._pairs] = self._squares() / cloud.bandwidth**2
 
     def _within_reach(self, ratio: Array) -> Integers | None:
         """The pairs that may be within reach, or None where leaving out the others saves little."""
@@ -269,13 +266,13 @@ class _GroupView(View):
         near = np.flatnonzero(sinh2 <= np.sinh(SLACK * self._cloud.reach) ** 2)
         return near if near.size < DENSE * sinh2.size else None
 
-    def _length2(self) -> Array:
+    def _squares(self) -> Array:
         """The squared lengths of the logarithms; where there is none, it becomes zero."""
-        length2 = _length2(self._log)
-        none = np.isinf(length2)
+        squares = length2(self._log)
+        none = np.isinf(squares)
         if none.any():
             self._log[:, :, none] = 0.0
-        return length2
+        return squares
 
     def weighted_sum(self, weights: Array) -> tuple[Floats, Floats]:
         group = self._cloud.group
@@ -291,71 +288,3 @@ class _GroupView(View):
                 sums[:, :, filled] = np.add.reduceat(near * pull, starts[filled], axis=2)
         total = weights.sum(axis=1, dtype=np.float64)
         return self._x @ group._last(sums), total
-
-
-@cache
-def gauss_legendre(nodes: int) -> list[tuple[float, float]]:
-    """Abscissae and weights of Gauss-Legendre quadrature on [0, 1] (Golub and Welsch, 1969).
-
-    From eigenvalues and vectors of the recurrence, without loading ``numpy.polynomial``.
-    """
-    k = np.arange(1.0, nodes)
-    t, vectors = np.linalg.eigh(np.diag(k / np.sqrt(4.0 * k * k - 1.0), -1))
-    return list(zip((0.5 + 0.5 * t).tolist(), (vectors[0] ** 2).tolist(), strict=True))
-
-
-def _exponential(v: Floats) -> Floats:
-    """The matrix exponentials (16) of ``v`` [..., s, s]: Taylor's series after halving, squared.
-
-    The series is cut into pieces of four terms, which share the first powers (Paterson and
-    Stockmeyer, 1973).
-    """
-    longest = float(np.sqrt(np.max(np.einsum("...ij,...ij->...", v, v), initial=0.0)))
-    halvings = max(0, int(np.ceil(np.log2(longest / HALVED)))) if longest > HALVED else 0
-    powers = np.empty((4, *v.shape))
-    powers[0] = np.eye(v.shape[-1])
-    np.multiply(v, 0.5**halvings, out=powers[1])
-    np.matmul(powers[1], powers[1], out=powers[2])
-    np.matmul(powers[1], powers[2], out=powers[3])
-    fourth = powers[2] @ powers[2]
-    low, middle, high = (_TAYLOR @ powers.reshape(4, -1)).reshape(3, *v.shape)
-    total = low + fourth @ (middle + fourth @ high)
-    for _ in range(halvings):
-        total = total @ total
-    return np.asarray(total)
-
-
-_TAYLOR = np.array([1.0 / factorial(i) for i in range(12)]).reshape(3, 4)
-"""The coefficients of the exponential: what is left out is below 1e-14 of it."""
-
-
-def _inverse(x: Floats) -> Floats:
-    return _solve(x, np.broadcast_to(np.eye(x.shape[-1]), x.shape))
-
-
-def _solve(x: Floats, y: Floats) -> Floats:
-    """x^-1 y; matrices so long that double precision makes them singular are moved a little."""
-    try:
-        return np.asarray(np.linalg.solve(x, y))
-    except np.linalg.LinAlgError:
-        off = ROUNDING * np.abs(x).max(axis=(-2, -1), keepdims=True) * np.eye(x.shape[-1])
-        return np.asarray(np.linalg.solve(x + off, y))
-
-
-def _length2(log: Array) -> Array:
-    """The squared Frobenius norm of (r, s, ...) matrices; infinite where there is no logarithm."""
-    length2 = np.einsum("ij...,ij...->...", log, log)
-    return np.where(np.isnan(length2), np.inf, length2)
-
-
-@cache
-def _bernoulli(count: int) -> list[float]:
-    """The coefficients of z, z^2, ... in z / (e^z - 1): -1/2, 1/12, 0, -1/720, ..."""
-    even = np.arange(2, count + 1, 2)
-    zeta = np.array([np.sum(1.0 / np.arange(1.0, 1e4 if s < 4 else 60.0) ** s) for s in even])
-    zeta[0] = np.pi**2 / 6
-    zeta[1] = np.pi**4 / 90
-    coefficients = np.zeros(count)
-    coefficients[0] = -0.5
-    coefficients[even - 1] = (-1.0) ** (even // 2 + 1) * 2 * zeta / (2 * np.pi) ** even
-    return [float(each) for each in coefficients]

@@ -8,7 +8,8 @@ import numpy as np
 import numpy.typing as npt
 
 from mssegment.manifolds.base import Array
-from mssegment.manifolds.matrix_group import MatrixGroup, gauss_legendre
+from mssegment.manifolds.matrices import gauss_legendre
+from mssegment.manifolds.matrix_group import MatrixGroup
 from mssegment.records import Floats
 
 NEAR = (4.0, 2.4)
