@@ -1,9 +1,9 @@
 """Matrix Lie groups: what A(2) and SL(3) share (section 4.2 of the paper).
 
 Points are matrices x with the left-invariant inner product g_x(u, v) = tr((x^-1 u)' x^-1 v), so
-that (18)-(20) need only the matrix exponential and the logarithm of the group. That works on arrays with
-the *matrix axes first*, shape (r, s, ...), where every entry is one contiguous array over all pairs
-of points; r may leave out constant last rows.
+that (18)-(20) need only the matrix exponential and the logarithm of the group. That one works on
+arrays with the *matrix axes first*, shape (r, s, ...), where every entry is one contiguous array
+over all pairs of points; r may leave out constant last rows.
 """
 
 from __future__ import annotations
