@@ -21,8 +21,8 @@ from mssegment import hypotheses
 from mssegment.datasets.adelaidermf import ADELAIDERMF, group_of
 from mssegment.evaluation import misclassification
 from mssegment.records import OUTLIER, Floats, HypothesisSet, Integers, replace
-from mssegment.segmentation.description_length import STANDARD, Recipe, mdl
 from mssegment.segmentation.entry import segment_by_modes
+from mssegment.segmentation.mdl.choice import STANDARD, Recipe, mdl
 from mssegment.segmentation.selection import Choice, Granularity, Problem
 
 Sampling = Literal["local", "uniform"]

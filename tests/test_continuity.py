@@ -9,7 +9,7 @@ from mssegment.configuration import from_text, resolve
 from mssegment.documents import TracksDocument
 from mssegment.pipeline import cluster, hypothesize
 from mssegment.records import Floats, Frame, Segmentation, Tracks
-from mssegment.segmentation.continuity import bodies
+from mssegment.segmentation.mdl.continuity import bodies
 
 EDGE = 320.0
 

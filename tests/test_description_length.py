@@ -16,8 +16,8 @@ from mssegment.evaluation import misclassification
 from mssegment.hypotheses import hypothesize
 from mssegment.records import Floats, Integers, Segmentation, replace
 from mssegment.segmentation import cluster
-from mssegment.segmentation.labelling import Neighbourhood, frequency_labels, neighbour_labels
-from mssegment.segmentation.likelihood import Noise, uniform_cost
+from mssegment.segmentation.mdl.labelling import Neighbourhood, frequency_labels, neighbour_labels
+from mssegment.segmentation.mdl.likelihood import Noise, uniform_cost
 
 NOISE = Noise(
     dimension=2, terms=1, floor=0.5, cap=5.0, free=0.0, outlier=12.0, parallax=np.zeros(40)

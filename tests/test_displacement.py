@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from mssegment.segmentation.displacement import displacement_gains
-from mssegment.segmentation.likelihood import Noise
+from mssegment.segmentation.mdl.displacement import displacement_gains
+from mssegment.segmentation.mdl.likelihood import Noise
 
 
 @pytest.fixture

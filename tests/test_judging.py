@@ -9,7 +9,7 @@ from mssegment.hypotheses import hypothesize
 from mssegment.records import NOT_JUDGED, OUTLIER
 from mssegment.segmentation import cluster
 from mssegment.segmentation.judging import judge
-from mssegment.segmentation.labelling import smooth_labels
+from mssegment.segmentation.mdl.labelling import smooth_labels
 
 MOTIONS = (
     (np.array([[1.0, -0.05], [0.05, 1.0]]), np.array([30.0, 5.0])),

@@ -8,8 +8,8 @@ import pytest
 import mssegment
 from benchmarks.paper import run_scene
 from benchmarks.scenes import SETUPS
-from mssegment.segmentation.candidates import Seen
-from mssegment.segmentation.search import cut
+from mssegment.segmentation.mdl.candidates import Seen
+from mssegment.segmentation.mdl.search import cut
 
 
 def test_two_halves_lie_apart(rng: np.random.Generator) -> None:

@@ -14,8 +14,8 @@ from mssegment.hypotheses import hypothesize
 from mssegment.records import BACKGROUND, NOT_JUDGED, HypothesisSet, replace
 from mssegment.segmentation import SELECTIONS, cluster
 from mssegment.segmentation.background import find_background
-from mssegment.segmentation.dominance import largest_gap
-from mssegment.segmentation.inliers import first_minimum, fit_to_basin, inlier_limit
+from mssegment.segmentation.dominance.choice import largest_gap
+from mssegment.segmentation.dominance.inliers import first_minimum, fit_to_basin, inlier_limit
 from mssegment.segmentation.selection import View
 
 SIZE = (WIDTH, HEIGHT)

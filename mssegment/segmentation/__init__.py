@@ -9,9 +9,9 @@ import numpy as np
 
 from mssegment.errors import DataError, UsageError
 from mssegment.records import OUTLIER, Floats, HypothesisSet, Integers, Segmentation
-from mssegment.segmentation.description_length import mdl
 from mssegment.segmentation.dominance import dominance
 from mssegment.segmentation.entry import segment_by_modes
+from mssegment.segmentation.mdl import mdl
 from mssegment.segmentation.selection import Granularity, Selection
 from mssegment.segmentation.ways import drawn_for_consensus, is_long
 

@@ -9,8 +9,8 @@ import numpy as np
 from mssegment import motions as models
 from mssegment.motions import MotionModel
 from mssegment.records import OUTLIER, Floats, HypothesisSet, Integers, Motion, Segmentation
-from mssegment.segmentation.granularity import LEAST_SCALE
-from mssegment.segmentation.likelihood import Noise
+from mssegment.segmentation.mdl.granularity import LEAST_SCALE
+from mssegment.segmentation.mdl.likelihood import Noise
 
 REACH = 6.0
 """Standard deviations of a motion's residuals beyond which no track is judged to be its."""

@@ -12,7 +12,7 @@ from __future__ import annotations
 import numpy as np
 
 from mssegment.records import Floats
-from mssegment.segmentation.likelihood import Noise
+from mssegment.segmentation.mdl.likelihood import Noise
 
 BINS = 12
 """Of the displacements, equally wide in their logarithm from the largest noise up."""

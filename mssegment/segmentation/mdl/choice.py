@@ -18,14 +18,14 @@ import numpy as np
 
 from mssegment.hypotheses import nearest_neighbours, neighbour_space
 from mssegment.records import Integers, Record, replace
-from mssegment.segmentation.candidates import Candidates, Family, from_modes, join
-from mssegment.segmentation.continuity import join_faces
-from mssegment.segmentation.description import Description
-from mssegment.segmentation.granularity import parallax_of, scale_range, suggest
-from mssegment.segmentation.labelling import NEIGHBOURS, Neighbourhood, neighbour_labels
-from mssegment.segmentation.likelihood import Noise, uniform_cost
-from mssegment.segmentation.refinement import refit_once
-from mssegment.segmentation.search import improve, refitted, start
+from mssegment.segmentation.mdl.candidates import Candidates, Family, from_modes, join
+from mssegment.segmentation.mdl.continuity import join_faces
+from mssegment.segmentation.mdl.description import Description
+from mssegment.segmentation.mdl.granularity import parallax_of, scale_range, suggest
+from mssegment.segmentation.mdl.labelling import NEIGHBOURS, Neighbourhood, neighbour_labels
+from mssegment.segmentation.mdl.likelihood import Noise, uniform_cost
+from mssegment.segmentation.mdl.refinement import refit_once
+from mssegment.segmentation.mdl.search import improve, refitted, start
 from mssegment.segmentation.selection import Choice, Chosen, Problem
 
 TRUST = 0.5

@@ -13,8 +13,8 @@ import numpy as np
 
 from mssegment.motions import Flags
 from mssegment.records import Floats, Integers, Record
-from mssegment.segmentation.candidates import Candidates, Family
-from mssegment.segmentation.labelling import (
+from mssegment.segmentation.mdl.candidates import Candidates, Family
+from mssegment.segmentation.mdl.labelling import (
     frequency_cost,
     frequency_labels,
     neighbour_cost,

@@ -6,7 +6,7 @@ import numpy as np
 
 from mssegment.motions import Flags
 from mssegment.records import Floats
-from mssegment.segmentation.inliers import inlier_limit
+from mssegment.segmentation.dominance.inliers import inlier_limit
 from mssegment.segmentation.selection import View
 
 ROUNDS = 10

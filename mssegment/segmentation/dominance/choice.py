@@ -10,8 +10,8 @@ from __future__ import annotations
 import numpy as np
 
 from mssegment.records import Floats, Record
-from mssegment.segmentation.inliers import SPARE, Fitted, fit_within, inlier_limit
-from mssegment.segmentation.refit import compete
+from mssegment.segmentation.dominance.inliers import SPARE, Fitted, fit_within, inlier_limit
+from mssegment.segmentation.dominance.refit import compete
 from mssegment.segmentation.selection import Choice, Chosen, Problem, View
 
 CANDIDATES = 60

@@ -15,8 +15,8 @@ import numpy as np
 
 from mssegment.neighbours import nearest_others
 from mssegment.records import Floats, Integers
-from mssegment.segmentation.candidates import Candidates, join
-from mssegment.segmentation.description import Description
+from mssegment.segmentation.mdl.candidates import Candidates, join
+from mssegment.segmentation.mdl.description import Description
 from mssegment.segmentation.selection import Problem
 from mssegment.special import distinct, median
 

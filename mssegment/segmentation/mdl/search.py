@@ -16,9 +16,9 @@ import numpy as np
 
 from mssegment.motions import Flags
 from mssegment.records import Floats, Integers
-from mssegment.segmentation.candidates import Candidates, join
-from mssegment.segmentation.description import Description
-from mssegment.segmentation.refinement import refine
+from mssegment.segmentation.mdl.candidates import Candidates, join
+from mssegment.segmentation.mdl.description import Description
+from mssegment.segmentation.mdl.refinement import refine
 
 PROPOSALS = 3
 """Candidates that are tried as an addition; each saves on other tracks than those before."""

@@ -8,8 +8,8 @@ from itertools import pairwise
 import numpy as np
 
 from mssegment.records import Floats, Integers
-from mssegment.segmentation.candidates import Candidates, Family, join
-from mssegment.segmentation.description import Description
+from mssegment.segmentation.mdl.candidates import Candidates, Family, join
+from mssegment.segmentation.mdl.description import Description
 
 TURNS = 4
 """Turns of relabelling and refitting."""

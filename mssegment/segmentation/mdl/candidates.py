@@ -11,8 +11,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from mssegment.records import Floats, Integers, Record, replace
-from mssegment.segmentation.displacement import displacement_gains
-from mssegment.segmentation.likelihood import Noise
+from mssegment.segmentation.mdl.displacement import displacement_gains
+from mssegment.segmentation.mdl.likelihood import Noise
 from mssegment.segmentation.selection import View
 
 UNSOUND = 1e6
