@@ -14,11 +14,16 @@ import numpy as np
 import numpy.typing as npt
 
 from mssegment.imaging.corners import spread
-from mssegment.imaging.matching import support
 from mssegment.imaging.matching.descriptors import compressed, describe
-from mssegment.imaging.matching.lucas_kanade import Registered, Windows, register
+from mssegment.imaging.matching.lucas_kanade import Registered, Windows, likeness, register
 from mssegment.imaging.matching.nearest import mutual
 from mssegment.imaging.matching.orientation import dominant
+from mssegment.imaging.matching.support import (
+    distance_to,
+    nearest_matches,
+    predict,
+    supported,
+)
 from mssegment.imaging.matching.views import Indices, View, two_views
 from mssegment.imaging.pictures import Grey
 from mssegment.imaging.pyramid import FACTOR, size_unit
@@ -151,7 +156,7 @@ def _confirmed(found: _Matches) -> _Matches:
     found = found[np.argsort(-found.correlation, kind="stable")]
     found = found[spread(found.first, THINNING)]
     for least in CONFIRMING:
-        found = found[support.supported(found.first, found.second, found.affines, least)]
+        found = found[supported(found.first, found.second, found.affines, least)]
     return found
 
 
@@ -162,26 +167,24 @@ def _grow(first: View, second: View, found: _Matches, number: int, correlation: 
     """
     if not len(found.first):
         return found
-    gap = support.distance_to(first.points, found.first)
+    gap = distance_to(first.points, found.first)
     free = np.flatnonzero(gap >= THINNING)
     if not len(free):
         return found[free]
     radius = GROWTH_RADIUS * size_unit(first.pyramid[0].grey)
-    rows, near = support.nearest_matches(first.points[free], found.first, GROWTH_NEIGHBOURS, radius)
+    rows, near = nearest_matches(first.points[free], found.first, GROWTH_NEIGHBOURS, radius)
     news = found.born[near] == number - 1
     rows, near = rows[news], near[news]
     corner = free[rows]
     affines = found.affines[near]
     windows = Windows(
         first=first.points[corner],
-        second=support.predict(
-            first.points[corner], found.first[near], found.second[near], affines
-        ),
+        second=predict(first.points[corner], found.first[near], found.second[near], affines),
         affines=affines,
         levels=first.levels[corner],
         levels_second=_level_for(second, first.scales[corner], affines),
     )
-    likely = register(first.pyramid, second.pyramid, windows, steps=0).correlation
+    likely = likeness(first.pyramid, second.pyramid, windows)
     best = _best_of_each(corner, likely)
     best = best[likely[best] > PROMISING]
     windows, corner = windows[best], corner[best]

@@ -4,20 +4,16 @@ from __future__ import annotations
 
 import numpy as np
 
-from mssegment.imaging.matching.views import Singles, View, sample
+from mssegment.imaging.matching.views import Singles, View, grid, seen
 from mssegment.records import Floats
 
 PATCH_SIDE = 13
 PATCH_STEP = 1.3
 COMPONENTS = 56
+BLOCK = 512
+"""Corners at a time, so that what is looked at stays in the cache."""
 FLAT = 1e-3
 """A norm (grey levels) below which a patch has no texture to normalise."""
-
-
-def grid(side: int, step: float) -> Singles:
-    """Offsets (x, y) [side^2, 2] of a square grid around 0, in pixels."""
-    line = (np.arange(side) - (side - 1) / 2) * step
-    return np.stack(np.meshgrid(line, line), axis=-1).reshape(-1, 2).astype(np.float32)
 
 
 def describe(view: View, angles: Floats | None = None) -> Singles:
@@ -25,16 +21,16 @@ def describe(view: View, angles: Floats | None = None) -> Singles:
 
     ``angles`` [n] (radians) turn the patches; none leaves them upright.
     """
-    centres = ((view.points + 0.5) / view.ratios - 0.5).astype(np.float32)
+    turned = np.zeros(len(view.points)) if angles is None else angles
+    c, s = np.cos(turned), np.sin(turned)
+    centres = (view.points + 0.5) / view.ratios - 0.5
+    maps = np.stack([c, -s, centres[:, 0], s, c, centres[:, 1]], axis=1).reshape(-1, 2, 3)
     offsets = grid(PATCH_SIDE, PATCH_STEP)
-    if angles is None:
-        x = centres[:, :1] + offsets[:, 0]
-        y = centres[:, 1:] + offsets[:, 1]
-    else:
-        c, s = (f(angles).astype(np.float32)[:, None] for f in (np.cos, np.sin))
-        x = centres[:, :1] + c * offsets[:, 0] - s * offsets[:, 1]
-        y = centres[:, 1:] + s * offsets[:, 0] + c * offsets[:, 1]
-    return normalised(sample(view.pyramid, view.levels, x, y))
+    patches = np.empty((len(maps), len(offsets)), np.float32)
+    for start in range(0, len(maps), BLOCK):
+        rows = slice(start, start + BLOCK)
+        patches[rows] = normalised(seen(view.pyramid, view.levels[rows], maps[rows], offsets))
+    return patches
 
 
 def normalised(patches: Singles) -> Singles:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
-from mssegment.imaging.matching.descriptors import grid
+from mssegment.imaging.matching.views import grid
 from mssegment.imaging.pictures import Grey
 from mssegment.records import Floats, Record
 

@@ -8,18 +8,13 @@ can explain is taken out beforehand, so they need no parameters of their own.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from itertools import pairwise
 
-import cv2
 import numpy as np
 import numpy.typing as npt
 
-from mssegment.imaging.matching.descriptors import grid
-from mssegment.imaging.matching.views import Indices, Singles
-from mssegment.imaging.pictures import Grey
+from mssegment.imaging.matching.views import Indices, Singles, grid, seen
 from mssegment.imaging.pyramid import Level
 from mssegment.records import Floats, Record
-from mssegment.special import distinct
 
 RADIUS = 9
 STEPS = 12
@@ -29,10 +24,25 @@ RIDGE = 1e-3
 LEAST_GAIN = 0.05
 LARGEST_STRETCH = 0.3
 """Entries of one step; larger ones overshoot, and above a half it need not have an inverse."""
-ORDER = np.array([0, 3, 1, 2, 4, 5])
-"""From (gx, gx u, gx v, gy, gy u, gy v) to (gx, gy, gx u, gx v, gy u, gy v)."""
-BLOCK = 1024
+LIMITS = np.array([RADIUS, LARGEST_STRETCH, LARGEST_STRETCH])
+REACH = np.array([1, RADIUS, RADIUS])
+"""How far a shift, or a stretch by 1, moves what is at the edge of a window."""
+BLOCK = 256
 """Windows at a time, so that what each step works on stays in the cache."""
+OFFSETS = grid(2 * RADIUS + 1, 1.0)
+
+
+def _monomials() -> Singles:
+    """1, u, v, u^2, uv, v^2 at the offsets, times their Gaussian weights, [K, 6]."""
+    u, v = OFFSETS.T.astype(np.float64)
+    weights = np.exp(-2.0 * (u * u + v * v) / RADIUS**2)
+    weights /= weights.sum()
+    powers = np.column_stack([np.ones_like(u), u, v, u * u, u * v, v * v])
+    return np.asarray(powers * weights[:, None], np.float32)
+
+
+MONOMIALS = _monomials()
+WEIGHTS = MONOMIALS[:, 0].copy()
 
 
 class Windows(Record, frozen=True):
@@ -73,79 +83,58 @@ class _Templates:
     equations need is a matrix product of gradients, or their products, with monomials of u, v.
     """
 
-    def __init__(self, patch: Singles, radius: int, parameters: int) -> None:
-        self.offsets = grid(2 * radius + 1, 1.0)
-        weights = np.exp(-2.0 * ((self.offsets / radius) ** 2).sum(axis=1))
-        self.weights = (weights / weights.sum()).astype(np.float32)
+    def __init__(self, patch: Singles, terms: int) -> None:
+        """``patch`` [n, side, side] is a pixel wider all around; ``terms`` 3: 1, u, v; 1: 1."""
         count = len(patch)
-        self.shape, self.norms = self.centred(patch[:, 1:-1, 1:-1].reshape(count, -1))
-        self.shape /= self.norms[:, None]
-        if parameters:
-            u, v = self.offsets.T
-            self.order = ORDER[:parameters]
-            monomials = np.column_stack([np.ones_like(u), u, v, u * u, u * v, v * v])
-            self.monomials = monomials * self.weights[:, None]
-            self.gx = _half(patch[:, 1:-1, 2:] - patch[:, 1:-1, :-2])
-            self.gy = _half(patch[:, 2:, 1:-1] - patch[:, :-2, 1:-1])
-            self._prepare()
+        self.images = np.empty((count, 3, len(OFFSETS)), np.float32)
+        half = np.float32(0.5)
+        across = half * (patch[:, 1:-1, 2:] - patch[:, 1:-1, :-2])
+        down = half * (patch[:, 2:, 1:-1] - patch[:, :-2, 1:-1])
+        shape, self.norms = _centred(patch[:, 1:-1, 1:-1].reshape(count, -1))
+        self.images[:, 0] = across.reshape(count, -1)
+        self.images[:, 1] = down.reshape(count, -1)
+        self.images[:, 2] = shape / self.norms[:, None]
+        self.first_order = MONOMIALS[:, :terms].copy()
+        self._prepare(terms)
 
-    def _prepare(self) -> None:
+    def _prepare(self, terms: int) -> None:
         """The normal equations, with gain and offset projected out of them."""
-        blocks = [
-            (a * b) @ self.monomials
-            for a, b in ((self.gx, self.gx), (self.gx, self.gy), (self.gy, self.gy))
-        ]
-        table = np.array([[0, 1, 2], [1, 3, 4], [2, 4, 5]])
-        xx, xy, yy = (block[:, table].astype(np.float64) for block in blocks)
-        hessian = np.concatenate(
-            [np.concatenate([xx, xy], axis=2), np.concatenate([xy, yy], axis=2)], axis=1
-        )[:, self.order][:, :, self.order]
-        first_order = self.monomials[:, :3]
-        offset = np.column_stack([self.gx @ first_order, self.gy @ first_order])[:, self.order]
-        self.gain = self._project(self.shape)
-        for part in (offset.astype(np.float64), self.gain):
+        count = len(self.images)
+        table = np.array([[0, 1, 2], [1, 3, 4], [2, 4, 5]])[:terms, :terms]
+        gx, gy, shape = (self.images[:, i] for i in range(3))
+        xx, xy, yy = (
+            ((a * b) @ MONOMIALS)[:, table].astype(np.float64)
+            for a, b in ((gx, gx), (gx, gy), (gy, gy))
+        )
+        hessian = np.block([[xx, xy], [xy, yy]])
+        offset = self._sums(self.images)[:, :2].reshape(count, -1)
+        self.gain = self._sums(self.images * shape[:, None])[:, :2].reshape(count, -1)
+        for part in (offset.astype(np.float64), self.gain.astype(np.float64)):
             hessian -= part[:, :, None] * part[:, None, :]
         diagonal = np.einsum("npp->np", hessian)
-        hessian += np.eye(len(self.order)) * (RIDGE * np.abs(diagonal) + 1e-6)[:, None, :]
+        hessian += np.eye(2 * terms) * (RIDGE * np.abs(diagonal) + 1e-6)[:, None, :]
         self.inverse = np.linalg.inv(hessian)
 
-    def _project(self, values: Singles) -> Floats:
-        """Inner products [n, 6 or 2] of the steepest-descent images with values [n, K]."""
-        first_order = self.monomials[:, :3]
-        along_x, along_y = (self.gx * values) @ first_order, (self.gy * values) @ first_order
-        return np.column_stack([along_x, along_y])[:, self.order].astype(np.float64)
-
-    def centred(self, values: Singles) -> tuple[Singles, Singles]:
-        """Values [n, K] with zero weighted mean, and their weighted norms."""
-        values = values - (values @ self.weights)[:, None]
-        return values, np.sqrt(np.maximum((values * values) @ self.weights, 1e-12))
+    def _sums(self, images: Singles) -> Singles:
+        """Weighted sums [n, 3, terms] of images [n, 3, K] times 1, u and v."""
+        flat = images.reshape(-1, images.shape[2])
+        return np.asarray((flat @ self.first_order).reshape(len(images), 3, -1))
 
     def take(self, rows: npt.NDArray[np.bool_]) -> None:
         """Only some of the windows from here on."""
-        self.gx, self.gy, self.shape = self.gx[rows], self.gy[rows], self.shape[rows]
-        self.norms, self.gain, self.inverse = self.norms[rows], self.gain[rows], self.inverse[rows]
+        self.images, self.norms = self.images[rows], self.norms[rows]
+        self.gain, self.inverse = self.gain[rows], self.inverse[rows]
 
-    def compare(self, seen: Singles) -> tuple[Singles, Singles]:
-        """What is seen [n, K] standardised, and its correlation [n] with the templates."""
-        standard, norms = self.centred(seen)
-        standard /= norms[:, None]
-        return standard, (standard * self.shape) @ self.weights
-
-    def step(self, standard: Singles, likeness: Singles) -> Floats:
-        """The change of the parameters that a standardised view of the windows asks for.
-
-        Its mean is zero already; its gain against the template is ``likeness``.
-        """
-        difference = self._project(standard)
-        difference -= likeness[:, None] * self.gain
-        scale = (self.norms / np.maximum(likeness, LEAST_GAIN)).astype(np.float64)
-        solved = np.einsum("nij,nj->ni", self.inverse, difference)
-        return np.asarray(solved * scale[:, None])
-
-
-def _half(difference: Singles) -> Singles:
-    difference *= np.float32(0.5)
-    return difference.reshape(len(difference), -1)
+    def compare(self, samples: Singles) -> tuple[Singles, Floats]:
+        """The correlation [n] of ``samples`` [n, K], and the step [n, 2, terms] it asks for."""
+        values, norms = _centred(samples)
+        sums = self._sums(self.images * values[:, None])
+        sums /= norms[:, None, None]
+        likeness = sums[:, 2, 0]
+        difference = sums[:, :2].reshape(len(samples), -1) - likeness[:, None] * self.gain
+        difference *= (self.norms / np.maximum(likeness, LEAST_GAIN))[:, None]
+        step = self.inverse @ difference.astype(np.float64)[:, :, None]
+        return likeness, step.reshape(len(samples), 2, -1)
 
 
 def register(
@@ -153,8 +142,6 @@ def register(
     second: list[Level],
     windows: Windows,
     *,
-    radius: int = RADIUS,
-    steps: int = STEPS,
     affine: bool = True,
 ) -> Registered:
     """Refine each window's map until picture 2 under it looks like picture 1 up to the light.
@@ -162,100 +149,98 @@ def register(
     ``affine`` refines position and linear part, otherwise the position alone. The correlation is
     Gaussian weighted; it is -1 where the window came to nothing (left its picture, inverted).
     """
-    if not len(windows.first):
-        return Registered(windows.second, windows.affines, np.zeros(0))
+    upright, maps = _maps(first, second, windows)
+    correlation = np.empty(len(maps))
+    for rows in _blocks(windows):
+        patch = seen(first, windows.levels[rows], upright[rows], grid(2 * RADIUS + 3, 1.0))
+        side = 2 * RADIUS + 3
+        templates = _Templates(patch.reshape(-1, side, side), 3 if affine else 1)
+        maps[rows], correlation[rows] = _align(
+            templates, second, windows.levels_second[rows], maps[rows]
+        )
+    return _registered(first, second, windows, maps, correlation)
+
+
+def likeness(first: list[Level], second: list[Level], windows: Windows) -> Floats:
+    """The correlation [n] of windows as they are, measured as ``register`` does it."""
+    upright, maps = _maps(first, second, windows)
+    correlation = np.empty(len(maps))
+    for rows in _blocks(windows):
+        one, norms = _centred(seen(first, windows.levels[rows], upright[rows], OFFSETS))
+        two, others = _centred(seen(second, windows.levels_second[rows], maps[rows], OFFSETS))
+        correlation[rows] = ((one * two) @ WEIGHTS) / (norms * others)
+    return correlation
+
+
+def _maps(first: list[Level], second: list[Level], windows: Windows) -> tuple[Floats, Floats]:
+    """Windows as maps [n, 2, 3] from offsets (u, v, 1) to positions on their levels, both views."""
     ratio1 = np.array([level.ratio for level in first])[windows.levels]
     ratio2 = np.array([level.ratio for level in second])[windows.levels_second]
-    start = (windows.first + 0.5) / ratio1 - 0.5
-    where = (windows.second + 0.5) / ratio2 - 0.5
-    linear = windows.affines * ratio1[:, None, :] / ratio2[:, :, None]
-    correlation = np.empty(len(where))
-    parameters = (6 if affine else 2) if steps else 0
-    for rows, level in _blocks(windows.levels_second, windows.levels):
-        patch = _patches(first, start[rows], windows.levels[rows], radius)
-        templates = _Templates(patch, radius, parameters)
-        where[rows], linear[rows], correlation[rows] = _align(
-            templates, second[level].grey, where[rows], linear[rows], radius, steps
-        )
+    upright, maps = np.empty((2, len(ratio1), 2, 3))
+    upright[:, :, :2] = np.eye(2)
+    upright[:, :, 2] = (windows.first + 0.5) / ratio1 - 0.5
+    maps[:, :, :2] = windows.affines * ratio1[:, None, :] / ratio2[:, :, None]
+    maps[:, :, 2] = (windows.second + 0.5) / ratio2 - 0.5
+    return upright, maps
+
+
+def _registered(
+    first: list[Level], second: list[Level], windows: Windows, maps: Floats, correlation: Floats
+) -> Registered:
+    """The outcome in pixels of the pictures."""
+    ratio1 = np.array([level.ratio for level in first])[windows.levels]
+    ratio2 = np.array([level.ratio for level in second])[windows.levels_second]
     return Registered(
-        second=(where + 0.5) * ratio2 - 0.5,
-        affines=linear * ratio2[:, :, None] / ratio1[:, None, :],
+        second=(maps[:, :, 2] + 0.5) * ratio2 - 0.5,
+        affines=maps[:, :, :2] * ratio2[:, :, None] / ratio1[:, None, :],
         correlation=correlation,
     )
 
 
-def _blocks(levels: Indices, then: Indices) -> Iterator[tuple[Indices, int]]:
-    """Rows of one of ``levels`` each, at most BLOCK, ordered by the level ``then``; the level."""
-    order = np.lexsort((then, levels))
-    for level in distinct(levels):
-        rows = order[levels[order] == level]
-        for block in np.array_split(rows, -(-len(rows) // BLOCK)):
-            yield block, int(level)
+def _blocks(windows: Windows) -> Iterator[Indices]:
+    """Rows of windows, at most BLOCK, those of the same levels next to each other."""
+    order = np.lexsort((windows.levels, windows.levels_second))
+    for start in range(0, len(order), BLOCK):
+        yield order[start : start + BLOCK]
 
 
-def _patches(pyramid: list[Level], centres: Floats, levels: Indices, radius: int) -> Singles:
-    """Upright windows of view 1, a pixel wider all around; rows of one level come together."""
-    side = 2 * radius + 3
-    upright = np.broadcast_to(np.eye(2), (len(centres), 2, 2))
-    offsets = _homogeneous(side)
-    ends = [0, *(np.flatnonzero(np.diff(levels)) + 1).tolist(), len(levels)]
-    parts = [
-        _seen(pyramid[levels[a]].grey, centres[a:b], upright[a:b], offsets)
-        for a, b in pairwise(ends)
-    ]
-    return np.concatenate(parts).reshape(-1, side, side)
-
-
-def _homogeneous(side: int) -> Singles:
-    """The offsets of a window as (u, v, 1), [3, side^2]."""
-    offsets = grid(side, 1.0)
-    return np.column_stack([offsets, np.ones_like(offsets[:, 0])]).T.copy()
-
-
-def _seen(grey: Grey, centres: Floats, linear: Floats, offsets: Singles) -> Singles:
-    """Bilinear samples [n, K] of a picture under windows; its border is repeated outside."""
-    maps = np.concatenate([linear, centres[:, :, None]], axis=2).astype(np.float32)
-    x, y = maps[:, 0] @ offsets, maps[:, 1] @ offsets
-    return np.asarray(cv2.remap(grey, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE))
+def _centred(values: Singles) -> tuple[Singles, Singles]:
+    """Values [n, K] with zero weighted mean, and their weighted norms."""
+    values = values - (values @ WEIGHTS)[:, None]
+    return values, np.sqrt(np.maximum((values * values) @ WEIGHTS, 1e-12))
 
 
 def _align(
-    templates: _Templates, grey: Grey, where: Floats, linear: Floats, radius: int, steps: int
-) -> tuple[Floats, Floats, Floats]:
-    """Centres, linear parts and correlations of windows in a picture after up to ``steps``."""
-    offsets = _homogeneous(2 * radius + 1)
-    correlation = np.full(len(where), -1.0)
-    active = np.arange(len(where))
-    for step in range(steps + 1):
-        standard, likeness = templates.compare(_seen(grey, where[active], linear[active], offsets))
+    templates: _Templates, second: list[Level], levels: Indices, maps: Floats
+) -> tuple[Floats, Floats]:
+    """Maps and correlations of windows after as many steps as each needs."""
+    correlation = np.full(len(maps), -1.0)
+    active = np.arange(len(maps))
+    for step in range(STEPS + 1):
+        now = seen(second, levels[active], maps[active], OFFSETS)
+        likeness, change = templates.compare(now)
         correlation[active] = likeness
-        if step == steps:
+        if step == STEPS:
             break
-        change = templates.step(standard, likeness)
-        alive = _advance(where, linear, active, change, radius)
-        correlation[active[~alive]] = -1.0
-        moved = np.abs(change[:, :2]).max(axis=1, initial=0.0)
-        moved = np.maximum(moved, np.abs(change[:, 2:]).max(axis=1, initial=0.0) * radius)
-        moving = alive & (moved > STILL)
+        size = np.abs(change)
+        terms = change.shape[2]
+        sane = (size < LIMITS[:terms]).all(axis=(1, 2))
+        correlation[active[~sane]] = -1.0
+        moving = sane & ((size * REACH[:terms]).max(axis=(1, 2)) > STILL)
+        rows = active[sane]
+        maps[rows] = _composed(maps[rows], change[sane])
         active = active[moving]
         if not len(active):
             break
-        if not moving.all():
-            templates.take(moving)
-    return where, linear, correlation
+        templates.take(moving)
+    return maps, correlation
 
 
-def _advance(
-    where: Floats, linear: Floats, active: Indices, change: Floats, radius: int
-) -> npt.NDArray[np.bool_]:
-    """Compose the inverse of each step onto the maps, in place; which steps were sane."""
-    sane = np.isfinite(change).all(axis=1) & (np.abs(change[:, :2]).max(axis=1) < radius)
-    rows = active[sane]
-    if change.shape[1] == 6:
-        sane &= np.abs(change[:, 2:]).max(axis=1) < LARGEST_STRETCH
-        rows = active[sane]
-        a, b, c, d = (change[sane, 2:] + (1.0, 0.0, 0.0, 1.0)).T
-        undone = np.stack([d, -b, -c, a], axis=-1) / (a * d - b * c)[:, None]
-        linear[rows] = linear[rows] @ undone.reshape(-1, 2, 2)
-    where[rows] -= np.einsum("nij,nj->ni", linear[rows], change[sane, :2])
-    return np.asarray(sane)
+def _composed(maps: Floats, change: Floats) -> Floats:
+    """Maps [n, 2, 3] after the inverses of the steps ``change`` [n, 2, terms]."""
+    linear, shift = maps[:, :, :2], change[:, :, :1]
+    if change.shape[2] > 1:
+        (a, b), (c, d) = np.moveaxis(change[:, :, 1:] + np.eye(2), 0, -1)
+        undone = np.array([[d, -b], [-c, a]]) / (a * d - b * c)
+        linear = linear @ np.moveaxis(undone, -1, 0)
+    return np.concatenate([linear, maps[:, :, 2:] - linear @ shift], axis=2)

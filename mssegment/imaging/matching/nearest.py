@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
 from mssegment.imaging.matching.views import Indices, Singles
-from mssegment.neighbours import nearest
+from mssegment.neighbours import pairs_within
 from mssegment.records import Floats, Record
 
 BLOCK = 128
 """Rows of a block of correlations, so that it stays in the cache while it is looked at."""
-NEIGHBOURS = 32
 
 
 class Pairs(Record, frozen=True):
@@ -43,15 +41,16 @@ def mutual(
     columns = np.full(len(second), -np.inf, np.float32)
     if not len(first) or not len(second):
         return Pairs(best[:0], best[:0], score[:0])
-    same = _same_place(places, apart) if places is not None and ratio < 1 else None
+    same = _SamePlace(places, apart) if places is not None and ratio < 1 else None
+    room = np.empty((BLOCK, len(second)), np.float32)
     for start in range(0, len(first), BLOCK):
         rows = slice(start, start + BLOCK)
-        block = first[rows] @ second.T
+        block = np.matmul(first[rows], second.T, out=room[: len(first[rows])])
         best[rows] = block.argmax(axis=1)
-        score[rows] = np.take_along_axis(block, best[rows, None], axis=1)[:, 0]
+        score[rows] = block[np.arange(len(block)), best[rows]]
         np.maximum(columns, block.max(axis=0), out=columns)
         if same is not None:
-            np.put_along_axis(block, same[best[rows]], -1.0, axis=1)
+            block[same.as_of(best[rows])] = -1.0
             runner_up[rows] = block.max(axis=1)
     good = (score >= columns[best]) & (score >= least)
     good &= (1 - score) <= ratio**2 * (1 - runner_up)
@@ -59,8 +58,20 @@ def mutual(
     return Pairs(chosen, best[chosen], score[chosen])
 
 
-def _same_place(places: Floats, apart: float) -> npt.NDArray[np.intp]:
-    """For each position the indices of those within ``apart``, filled up with its own."""
-    count = min(NEIGHBOURS, len(places))
-    _, index = nearest(places, places, count, apart)
-    return np.where(index == len(places), np.arange(len(places))[:, None], index)
+class _SamePlace:
+    """For each position those at most ``apart`` from it, itself among them."""
+
+    def __init__(self, places: Floats, apart: float) -> None:
+        pairs = pairs_within(places, apart)
+        own = np.repeat(np.arange(len(places))[:, None], 2, axis=1)
+        both = np.concatenate([own, pairs, pairs[:, ::-1]])
+        self.others = both[np.argsort(both[:, 0], kind="stable"), 1]
+        self.counts = np.bincount(both[:, 0], minlength=len(places))
+        self.ends = np.cumsum(self.counts)
+
+    def as_of(self, chosen: Indices) -> tuple[Indices, Indices]:
+        """The row and the position of all that are at the place of one ``chosen`` per row."""
+        counts = self.counts[chosen]
+        rows = np.repeat(np.arange(len(chosen)), counts)
+        back = np.cumsum(counts)[rows] - np.arange(len(rows))
+        return rows, self.others[self.ends[chosen][rows] - back]

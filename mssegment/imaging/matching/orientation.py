@@ -5,12 +5,15 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
-from mssegment.imaging.matching.views import Indices, Singles, View
+from mssegment.imaging.matching.views import Indices, Singles, View, runs
+from mssegment.imaging.pyramid import Level
 from mssegment.records import Floats
 
 RADIUS = 8
 BINS = 36
 PEAK = 0.8
+BLOCK = 128
+"""Corners at a time, so that what is looked at stays in the cache."""
 
 
 def dominant(view: View) -> tuple[Indices, Floats]:
@@ -19,37 +22,45 @@ def dominant(view: View) -> tuple[Indices, Floats]:
     A histogram of 36 bins of the gradients within 8 pixels of the corner's level, weighted by
     magnitude and distance; every peak of at least 0.8 of the greatest is a direction of its own.
     """
-    histogram = np.concatenate([_histograms(view, number) for number in range(len(view.pyramid))])
-    order = np.argsort(view.levels, kind="stable")
-    back = np.empty_like(histogram)
-    back[order] = histogram
-    return _peaks(back)
+    histogram = np.zeros((len(view.levels), BINS), np.float32)
+    for rows, number in runs(view.levels):
+        histogram[rows] = _histograms(view.pyramid[number], view.points[rows])
+    return _peaks(histogram)
 
 
-def _histograms(view: View, number: int) -> Singles:
-    """Histograms [n, 36] of the corners on one level, in their order."""
-    level = view.pyramid[number]
+def _histograms(level: Level, points: Floats) -> Singles:
+    """Histograms [n, 36] of the gradients around points of the picture on a level."""
     gx = cv2.Scharr(level.grey, cv2.CV_32F, 1, 0)
     gy = cv2.Scharr(level.grey, cv2.CV_32F, 0, 1)
     magnitude, angle = cv2.cartToPolar(gx, gy)
-    bins = (np.asarray(angle) * np.float32(BINS / (2 * np.pi))).astype(np.int32) % BINS
+    turns = np.asarray(angle) * np.float32(BINS / (2 * np.pi))
+    bins = np.minimum(turns.astype(np.uint8), BINS - 1)
     pad = RADIUS + 1
-    frame = (pad, pad, pad, pad)
-    size = cv2.copyMakeBorder(np.asarray(magnitude), *frame, cv2.BORDER_CONSTANT).ravel()
-    bin_of = cv2.copyMakeBorder(bins, *frame, cv2.BORDER_CONSTANT).ravel()
-    line = np.arange(-RADIUS, RADIUS + 1)
-    dx, dy = (d.ravel() for d in np.meshgrid(line, line))
-    disc = dx * dx + dy * dy <= RADIUS * RADIUS
-    dx, dy = dx[disc], dy[disc]
+    size, bin_of = (
+        cv2.copyMakeBorder(np.asarray(picture), pad, pad, pad, pad, cv2.BORDER_CONSTANT).ravel()
+        for picture in (magnitude, bins)
+    )
+    dx, dy = _disc()
     weights = np.exp(-2.0 * (dx * dx + dy * dy) / RADIUS**2).astype(np.float32)
     width = level.grey.shape[1] + 2 * pad
-    rows = np.flatnonzero(view.levels == number)
-    centres = np.rint((view.points[rows] + 0.5) / level.ratio - 0.5).astype(np.int64) + pad
-    where = (centres[:, 1] * width + centres[:, 0])[:, None] + (dy * width + dx)
-    values = size[where] * weights
-    slots = bin_of[where] + (np.arange(len(rows)) * BINS)[:, None]
-    counts = np.bincount(slots.ravel(), values.ravel(), minlength=len(rows) * BINS)
-    return counts.reshape(-1, BINS).astype(np.float32)
+    centres = np.rint(level.from_picture(points)).astype(np.intp) + pad
+    first, around = centres[:, 1] * width + centres[:, 0], dy * width + dx
+    counts = np.empty((len(points), BINS), np.float32)
+    for start in range(0, len(points), BLOCK):
+        where = first[start : start + BLOCK, None] + around
+        slots = bin_of.take(where) + (np.arange(len(where)) * BINS)[:, None]
+        values = size.take(where) * weights
+        found = np.bincount(slots.ravel(), values.ravel(), minlength=len(where) * BINS)
+        counts[start : start + BLOCK] = found.reshape(-1, BINS)
+    return counts
+
+
+def _disc() -> tuple[Indices, Indices]:
+    """The pixels of a disc: offsets x, y [K]."""
+    line = np.arange(-RADIUS, RADIUS + 1)
+    dx, dy = (d.ravel() for d in np.meshgrid(line, line))
+    chosen = dx * dx + dy * dy <= RADIUS * RADIUS
+    return dx[chosen], dy[chosen]
 
 
 def _peaks(histogram: Singles) -> tuple[Indices, Floats]:

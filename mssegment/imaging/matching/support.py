@@ -25,10 +25,14 @@ def supported(first: Floats, second: Floats, affines: Floats, least: int) -> npt
         return np.zeros(len(first), bool)
     distance, index = nearest(first, first, count + 1)
     distance, index = distance[:, 1:], index[:, 1:]
-    predicted = predict(first[:, None], first[index], second[index], affines[index])
-    miss = np.linalg.norm(predicted - second[:, None], axis=2)
     allowed = np.maximum(TOLERANCE, TOLERANCE_PER_DISTANCE * distance)
-    return np.asarray((miss < allowed).sum(axis=1) >= least)
+    x, y = first[:, :1], first[:, 1:]
+    miss = np.zeros(index.shape)
+    for row, at_origin in enumerate(predict(np.zeros_like(first), first, second, affines).T):
+        along_x, along_y = affines[:, row, 0], affines[:, row, 1]
+        predicted = along_x.take(index) * x + along_y.take(index) * y + at_origin.take(index)
+        miss += (predicted - second[:, row, None]) ** 2
+    return np.asarray((miss < allowed**2).sum(axis=1) >= least)
 
 
 def predict(points: Floats, first: Floats, second: Floats, affines: Floats) -> Floats:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from itertools import pairwise
 
 import cv2
 import numpy as np
@@ -52,23 +53,41 @@ def two_views(
 
 
 def view_of(picture: Grey, corners: Corners) -> View:
-    """A pyramid high enough for the corners' scales."""
+    """A pyramid high enough for the corners' scales, and these ordered by level."""
     levels = np.rint(np.log(corners.scales) / np.log(FACTOR)).astype(np.intp)
     levels = np.maximum(levels, 0)
     pyramid = build_pyramid(picture, int(levels.max(initial=0)) + 1)
-    return View(pyramid, corners.points, np.minimum(levels, len(pyramid) - 1))
+    levels = np.minimum(levels, len(pyramid) - 1)
+    order = np.argsort(levels, kind="stable")
+    return View(pyramid, corners.points[order], levels[order])
 
 
-def sample(pyramid: list[Level], levels: Indices, x: Singles, y: Singles) -> Singles:
-    """Bilinear samples at positions ``x``, ``y`` [n, K] on the level that each row names.
+def runs(levels: Indices, most: int = 16384) -> Iterator[tuple[slice, int]]:
+    """Slices of equal level, at most so many rows each, and the level."""
+    ends = [0, *(np.flatnonzero(np.diff(levels)) + 1).tolist(), len(levels)]
+    for begin, end in pairwise(ends):
+        for start in range(begin, end, most):
+            yield slice(start, min(start + most, end)), int(levels[begin])
 
-    Outside a picture its border is repeated.
+
+def grid(side: int, step: float) -> Singles:
+    """Offsets (x, y) [side^2, 2] of a square grid around 0, in pixels."""
+    line = (np.arange(side) - (side - 1) / 2) * step
+    return np.stack(np.meshgrid(line, line), axis=-1).reshape(-1, 2).astype(np.float32)
+
+
+def seen(pyramid: list[Level], levels: Indices, maps: Floats, offsets: Singles) -> Singles:
+    """Bilinear samples [n, K] under windows, each on its level; rows of a level come together.
+
+    ``maps`` [n, 2, 3] take offsets (u, v, 1) of a window to positions on its level. Outside a
+    picture its border is repeated.
     """
+    place = np.column_stack([offsets, np.ones_like(offsets[:, 0])]).T
+    single = maps.astype(np.float32)
+    x, y = single[:, 0] @ place, single[:, 1] @ place
     samples = np.empty(x.shape, np.float32)
-    for number, level in enumerate(pyramid):
-        rows = np.flatnonzero(levels == number)
-        for part in np.array_split(rows, -(-len(rows) // 16384)) if len(rows) else ():
-            samples[part] = cv2.remap(
-                level.grey, x[part], y[part], cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE
-            )
+    for rows, level in runs(levels):
+        samples[rows] = cv2.remap(
+            pyramid[level].grey, x[rows], y[rows], cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE
+        )
     return samples
