@@ -15,8 +15,10 @@ from mssegment.errors import DataError, UsageError
 from mssegment.imaging.corners import detect, detect_all, spread
 from mssegment.imaging.frames import open_frames
 from mssegment.imaging.matching import MATCHERS, default_matcher, match
-from mssegment.imaging.matching.lucas_kanade import Windows, register
+from mssegment.imaging.matching.lucas_kanade import Windows, likeness, register
 from mssegment.imaging.matching.nearest import mutual
+from mssegment.imaging.matching.orientation import dominant
+from mssegment.imaging.matching.views import view_of
 from mssegment.imaging.pyramid import build_pyramid
 from mssegment.records import Floats, Frame
 
@@ -227,6 +229,34 @@ def test_registration_finds_the_affine_from_a_rough_start() -> None:
     assert np.mean(miss < 0.1) > 0.8
     assert np.mean(done.correlation > 0.99) > 0.8
     assert np.median(np.abs(done.affines - linear)) < 0.01
+
+
+def test_windows_of_several_levels_are_registered_as_if_each_were_alone() -> None:
+    rng = np.random.default_rng(5)
+    centres = rng.uniform((60, 60), (260, 180), (24, 2))
+    levels, others = rng.integers(0, 3, (2, 24))
+    affines = np.eye(2) + rng.normal(0, 0.03, (24, 2, 2))
+    windows = Windows(centres, centres + rng.normal(3, 1, (24, 2)), affines, levels, others)
+    one, two = build_pyramid(FIRST, 3), build_pyramid(view(*SMALL), 3)
+    together, alike = register(one, two, windows), likeness(one, two, windows)
+    for row in range(24):
+        alone = register(one, two, windows[np.array([row])])
+        np.testing.assert_allclose(together.second[row], alone.second[0], atol=1e-2)
+        np.testing.assert_allclose(together.correlation[row], alone.correlation[0], atol=1e-3)
+        assert likeness(one, two, windows[np.array([row])])[0] == pytest.approx(
+            alike[row], abs=1e-4
+        )
+    same = Windows(centres, centres, np.tile(np.eye(2), (24, 1, 1)), levels, levels)
+    np.testing.assert_allclose(likeness(one, one, same), 1.0, atol=1e-3)
+
+
+def test_directions_do_not_depend_on_where_arrays_lie_in_memory() -> None:
+    corners = detect(FIRST)
+    expected = dominant(view_of(FIRST, corners))[1]
+    for waste in range(1, 6):
+        held = [np.ones(37 * waste + k, GREY) for k in range(50)]
+        np.testing.assert_array_equal(dominant(view_of(FIRST, corners))[1], expected)
+        del held
 
 
 def test_tracks_through_a_sequence() -> None:
