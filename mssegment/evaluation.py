@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 
 from mssegment.records import BACKGROUND, IGNORED, NOT_JUDGED, OUTLIER, Floats, Integers, Record
-from mssegment.special import best_matching, distinct
+from mssegment.special import distinct
 
 
 class Evaluation(Record, frozen=True):
@@ -41,8 +41,22 @@ def is_counted(found: Integers, truth: Integers) -> np.ndarray[tuple[int], np.dt
 def match_labels(found: Integers, truth: Integers) -> dict[int, int]:
     """The best one-to-one matching of found motions to true ones, found label -> true label."""
     found_motions, true_motions = distinct(found[found > 0]), distinct(truth[truth > 0])
-    pairs = best_matching(_overlap(found, truth, found_motions, true_motions))
+    pairs = best_pairs(_overlap(found, truth, found_motions, true_motions))
     return {int(found_motions[i]): int(true_motions[j]) for i, j in pairs}
+
+
+def best_pairs(gain: Integers) -> list[tuple[int, int]]:
+    """The pairs (row, column), one of each row or one of each column, whose gains sum to most."""
+    if len(gain) > gain.shape[1]:
+        return sorted((i, j) for j, i in best_pairs(gain.T))
+    best = gain.argmax(axis=1) if gain.size else np.zeros(0, dtype=np.int64)
+    if len(distinct(best)) == len(best):
+        # each row has its best for itself: usual, and found without loading scipy.optimize
+        return list(enumerate(best.tolist()))
+    from scipy.optimize import linear_sum_assignment
+
+    rows, columns = linear_sum_assignment(-gain)
+    return list(zip(rows.tolist(), columns.tolist(), strict=True))
 
 
 def misclassification(found: Integers, truth: Integers) -> float:

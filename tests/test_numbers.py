@@ -12,16 +12,15 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 from scipy.special import polygamma
-from scipy.stats import chi2, norm
+from scipy.stats import chi2
 
+from mssegment.evaluation import best_pairs
 from mssegment.neighbours import nearest, pairs_within
 from mssegment.special import (
-    best_matching,
     chi_square_quantile,
     distinct,
     linked,
     median,
-    normal_quantile,
     quantile,
     trigamma_of_half,
 )
@@ -44,7 +43,7 @@ def test_special_functions(freedom):
     )
 )
 def test_matching_has_the_greatest_sum(gain):
-    pairs = best_matching(gain)
+    pairs = best_pairs(gain)
     rows, columns = [i for i, _ in pairs], [j for _, j in pairs]
     assert len(set(rows)) == len(set(columns)) == len(pairs) == min(gain.shape)
     assert gain[rows, columns].sum() == gain[linear_sum_assignment(gain, maximize=True)].sum()
@@ -58,11 +57,6 @@ def test_linked_things_have_one_number(pairs):
     expected = connected_components(links, directed=False)[1]
     found = linked(pairs, 10)
     np.testing.assert_array_equal(found[:, None] == found, expected[:, None] == expected)
-
-
-@given(st.floats(1e-12, 1 - 1e-12))
-def test_normal_quantiles(share):
-    assert normal_quantile(share) == pytest.approx(norm.ppf(share), rel=1e-12, abs=1e-15)
 
 
 @given(st.lists(st.integers(-3, 4) | st.integers(-(2**62), 2**62)))

@@ -12,7 +12,7 @@ import pytest
 SAMPLE = Path(__file__).parents[1] / "sample_data" / "affine"
 PAIR = [str(SAMPLE / "frame-1.png"), str(SAMPLE / "frame-2.png")]
 NO_PICTURES = ["--set", "report.pictures=no", "--set", "report.html=no", "--quiet"]
-SLOW = {"yaml", "scipy", "numpy.ma", "dataclasses", "statistics", "tempfile", "json", "csv"}
+SLOW = {"yaml", "scipy", "numpy.ma", "dataclasses", "tempfile", "json", "csv"}
 """Modules that take long to load, or to use, and that a run on two pictures has no need of."""
 
 
