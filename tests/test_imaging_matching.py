@@ -17,8 +17,6 @@ from mssegment.imaging.frames import open_frames
 from mssegment.imaging.matching import MATCHERS, default_matcher, match
 from mssegment.imaging.matching.lucas_kanade import Windows, likeness, register
 from mssegment.imaging.matching.nearest import mutual
-from mssegment.imaging.matching.orientation import dominant
-from mssegment.imaging.matching.views import view_of
 from mssegment.imaging.pyramid import build_pyramid
 from mssegment.records import Floats, Frame
 
@@ -248,15 +246,6 @@ def test_windows_of_several_levels_are_registered_as_if_each_were_alone() -> Non
         )
     same = Windows(centres, centres, np.tile(np.eye(2), (24, 1, 1)), levels, levels)
     np.testing.assert_allclose(likeness(one, one, same), 1.0, atol=1e-3)
-
-
-def test_directions_do_not_depend_on_where_arrays_lie_in_memory() -> None:
-    corners = detect(FIRST)
-    expected = dominant(view_of(FIRST, corners))[1]
-    for waste in range(1, 6):
-        held = [np.ones(37 * waste + k, GREY) for k in range(50)]
-        np.testing.assert_array_equal(dominant(view_of(FIRST, corners))[1], expected)
-        del held
 
 
 def test_tracks_through_a_sequence() -> None:

@@ -32,6 +32,7 @@ def _histograms(level: Level, points: Floats) -> Singles:
     """Histograms [n, 36] of the gradients around points of the picture on a level."""
     gx = cv2.Scharr(level.grey, cv2.CV_32F, 1, 0)
     gy = cv2.Scharr(level.grey, cv2.CV_32F, 0, 1)
+    # cv2.phase and cv2.magnitude are faster, but differ in the last bits from run to run
     magnitude, angle = cv2.cartToPolar(gx, gy)
     turns = np.asarray(angle) * np.float32(BINS / (2 * np.pi))
     bins = np.minimum(turns.astype(np.uint8), BINS - 1)
