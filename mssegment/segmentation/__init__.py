@@ -9,15 +9,18 @@ import numpy as np
 
 from mssegment.errors import DataError, UsageError
 from mssegment.records import OUTLIER, Floats, HypothesisSet, Integers, Segmentation
-from mssegment.segmentation.dominance import dominance
+from mssegment.segmentation.dominance import dominance as dominant_modes
 from mssegment.segmentation.entry import segment_by_modes
-from mssegment.segmentation.mdl import mdl
+from mssegment.segmentation.mdl import mdl as shortest_description
 from mssegment.segmentation.selection import Granularity, Selection
 from mssegment.segmentation.ways import drawn_for_consensus, is_long
 
 __all__ = ["SELECTIONS", "cluster"]
 
-SELECTIONS: dict[str, Selection] = {"mdl": mdl, "dominance": dominance}
+SELECTIONS: dict[str, Selection] = {
+    "mdl": shortest_description,
+    "dominance": dominant_modes,
+}
 """How modes become motions; a further selection is a line here."""
 
 

@@ -16,7 +16,7 @@ import numpy.typing as npt
 from mssegment.imaging.corners import spread
 from mssegment.imaging.matching.descriptors import compressed, describe
 from mssegment.imaging.matching.lucas_kanade import Registered, Windows, likeness, register
-from mssegment.imaging.matching.nearest import mutual
+from mssegment.imaging.matching.nearest import Pairs, mutual
 from mssegment.imaging.matching.orientation import dominant
 from mssegment.imaging.matching.support import (
     distance_to,
@@ -27,6 +27,7 @@ from mssegment.imaging.matching.support import (
 from mssegment.imaging.matching.views import Indices, View, two_views
 from mssegment.imaging.pictures import Grey
 from mssegment.imaging.pyramid import FACTOR, size_unit
+from mssegment.neighbours import pairs_within
 from mssegment.records import Corners, Floats, Record, Tracks
 
 RATIO = 0.85
@@ -36,6 +37,9 @@ CORRELATION = 0.8
 SINGULAR_VALUES = (0.35, 2.8)
 ANISOTROPY = 3.0
 THINNING = 3.0
+"""Pixels; matches nearer to each other say the same thing."""
+PER_PLACE = 2
+"""Pairs of patches that are registered at one place in view 1."""
 CONFIRMING = (2, 4)
 """Support asked for at first, among neighbours many of which are wrong, and then."""
 GROWTH_ROUNDS = 3
@@ -110,6 +114,7 @@ def _seeds(first: View, second: View, ratio: float, correlation: float) -> _Matc
     one = compressed(describe(first.take(corner1), angle1))
     two = compressed(describe(second.take(corner2), angle2))
     pairs = mutual(one, two, 0.0, ratio=ratio, places=second.points[corner2], apart=SAME_PLACE)
+    pairs = _uncrowded(pairs, first.points[corner1])
     c1, c2 = corner1[pairs.first], corner2[pairs.second]
     turn = angle2[pairs.second] - angle1[pairs.first]
     scale = second.scales[c2] / first.scales[c1]
@@ -124,6 +129,18 @@ def _seeds(first: View, second: View, ratio: float, correlation: float) -> _Matc
     refined = register(first.pyramid, second.pyramid, windows)
     good = _credible(windows, refined, second, DRIFT, correlation)
     return _as_matches(windows, refined, 0)[good]
+
+
+def _uncrowded(pairs: Pairs, places: Floats) -> Pairs:
+    """The pairs with fewer than PER_PLACE better ones at their place in view 1.
+
+    ``places`` are those of all patches there. Only one of a place stays in the end, but two may
+    differ in scale or direction, and which is right is seen when they are registered.
+    """
+    one, two = pairs_within(places[pairs.first], THINNING).T
+    worse = np.where(pairs.correlation[one] < pairs.correlation[two], one, two)
+    kept = np.bincount(worse, minlength=len(pairs.first)) < PER_PLACE
+    return Pairs(pairs.first[kept], pairs.second[kept], pairs.correlation[kept])
 
 
 def _credible(
