@@ -49,7 +49,8 @@ class AffineGroup(MatrixGroup):
         e = np.array(m).reshape(2, 3, int(np.prod(np.shape(m)[2:])))
         e[0, 0] -= 1.0
         e[1, 1] -= 1.0
-        return _times(e, *_phi(*_split(e))).reshape(np.shape(m))
+        with np.errstate(all="ignore"):  # what has no logarithm is NaN
+            return _times(e, *_phi(*_split(e))).reshape(np.shape(m))
 
     def onto_algebra(self, v: Array) -> Array:
         """``v``: every 2 x 3 matrix is in the algebra."""
@@ -99,15 +100,14 @@ def _phi(s: Array, c: Array) -> tuple[Array, Array]:
     away = np.sqrt(np.abs(c))
     away += np.abs(s)
     near = away < (0.5 if s.dtype == np.float64 else 0.9)
-    with np.errstate(all="ignore"):
-        if near.all():
-            return _phi_near(s, c, float(away.max(initial=0.0)))
-        if 2 * np.count_nonzero(near) > near.size:
-            p, q = _phi_near(s, c)
-            _fill(~near, _phi_far, s, c, p, q)
-        else:
-            p, q = _phi_far(s, c)
-            _fill(near, _phi_near, s, c, p, q)
+    if near.all():
+        return _phi_near(s, c, float(away.max(initial=0.0)))
+    if 2 * np.count_nonzero(near) > near.size:
+        p, q = _phi_near(s, c)
+        _fill(~near, _phi_far, s, c, p, q)
+    else:
+        p, q = _phi_far(s, c)
+        _fill(near, _phi_near, s, c, p, q)
     no_logarithm = ~(((1.0 + s) ** 2 > c) & ((c < 0) | (s > -1.0)))
     p[no_logarithm] = np.nan
     return p, q
