@@ -9,11 +9,12 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+from mssegment.version import __version__
+
 if TYPE_CHECKING:
     from mssegment.library import segment_pictures, segment_tracks
     from mssegment.records import Camera
 
-__version__ = "0.1.0"
 __all__ = ["Camera", "__version__", "segment_pictures", "segment_tracks"]
 
 

@@ -12,19 +12,18 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-import mssegment
-from mssegment.configuration import KEYS, Configuration, Setting, camera_of
+from mssegment.configuration import Configuration, camera_of
 from mssegment.documents import (
     STANDARD,
     CornersDocument,
     Document,
-    HistoryEntry,
     HypothesesDocument,
     SegmentationDocument,
     TracksDocument,
     read_bytes,
 )
 from mssegment.errors import ConfigurationError
+from mssegment.history import entry_of
 from mssegment.records import (
     Camera,
     Floats,
@@ -41,19 +40,6 @@ if TYPE_CHECKING:
     from mssegment.imaging.frames import FrameSource
     from mssegment.segmentation.background import Background
 
-STAGE_KEYS: dict[str, tuple[str, ...]] = {
-    "detect": tuple(key for key in KEYS if key.startswith("detect.")),
-    "match": tuple(key for key in KEYS if key.startswith("match.")),
-    "hypothesize": (
-        "seed",
-        "camera.derotate",
-        *(key for key in KEYS if key.startswith(("background.", "hypothesize."))),
-        "cluster.method",
-    ),
-    "cluster": ("seed", *(key for key in KEYS if key.startswith(("cluster.", "segment.")))),
-}
-"""The settings that change the result of a stage; its entry in the history records them."""
-
 NOTHING_SHARED = (
     "no hypothesis is confirmed by further tracks: the matches share no motion; check the matches, "
     "or choose another model"
@@ -67,24 +53,6 @@ keep_freed_memory()
 
 def _random(stage: str, configuration: Configuration) -> np.random.Generator:
     return np.random.default_rng([configuration.seed, _STREAMS[stage]])
-
-
-def setting_of(configuration: Configuration, key: str) -> Any:
-    """The value of a dotted key."""
-    value: Any = configuration
-    for name in key.split("."):
-        value = getattr(value, name)
-    return value
-
-
-def inherited(document: Document) -> list[Setting]:
-    """The settings that earlier stages recorded in the document, such as the seed."""
-    return [
-        Setting(key, value, f"the {document.kind} document")
-        for entry in document.history
-        for key, value in entry.settings.items()
-        if key in KEYS
-    ]
 
 
 def open_input(configuration: Configuration) -> FrameSource:
@@ -104,7 +72,7 @@ def import_tracks(path: str) -> TracksDocument:
         frames=list(found.frames),
         camera=found.camera,
         tracks=found.tracks,
-        history=[HistoryEntry("import", mssegment.__version__, {})],
+        history=[entry_of("import")],
     )
 
 
@@ -124,7 +92,7 @@ def detect(configuration: Configuration, source: FrameSource) -> CornersDocument
             quality=QUALITY if settings.quality == "auto" else settings.quality,
         )
     return CornersDocument(
-        frames=list(source.frames), corners=corners, history=[_entry("detect", configuration)]
+        frames=list(source.frames), corners=corners, history=[entry_of("detect", configuration)]
     )
 
 
@@ -152,7 +120,7 @@ def match(
         frames=document.frames,
         camera=document.camera,
         tracks=tracks,
-        history=[*document.history, _entry("match", configuration)],
+        history=[*document.history, entry_of("match", configuration)],
     )
 
 
@@ -183,7 +151,7 @@ def hypothesize(document: TracksDocument, configuration: Configuration) -> Hypot
         tracks=document.tracks,
         status=background.status,
         sets=sets,
-        history=[*document.history, _entry("hypothesize", configuration, notes)],
+        history=[*document.history, entry_of("hypothesize", configuration, notes)],
     )
 
 
@@ -275,7 +243,7 @@ def _segmentation(
         assignments=found.assignments,
         tracks=document.tracks,
         sets=document.sets,
-        history=[*document.history, _entry("cluster", configuration, found.notes)],
+        history=[*document.history, entry_of("cluster", configuration, found.notes)],
     )
 
 
@@ -363,12 +331,3 @@ def _given(value: Any) -> Any:
 
 def _size(frames: list[Frame]) -> tuple[int, int]:
     return (frames[0].width, frames[0].height) if frames else (0, 0)
-
-
-def _entry(stage: str, configuration: Configuration, notes: tuple[str, ...] = ()) -> HistoryEntry:
-    return HistoryEntry(
-        stage=stage,
-        version=mssegment.__version__,
-        settings={key: setting_of(configuration, key) for key in STAGE_KEYS[stage]},
-        notes=notes,
-    )

@@ -11,12 +11,12 @@ import mssegment
 
 ROOT = Path(mssegment.__file__).parent
 FLOORS = [
-    {"records", "errors"},
+    {"records", "errors", "version"},
     {"neighbours", "resources", "special"},
     {"manifolds"},
     {"motions", "evaluation"},
     {"meanshift", "imaging", "datasets", "documents", "configuration"},
-    {"hypotheses", "segmentation", "rendering", "truth"},
+    {"hypotheses", "segmentation", "rendering", "truth", "history"},
     {"stage_checks"},
     {"pipeline"},
     {"benchmarking", "library"},

@@ -14,8 +14,8 @@ from collections.abc import Sequence
 
 import click
 
-from mssegment import __version__
 from mssegment.errors import ExitStatus, MssegmentError
+from mssegment.version import __version__
 
 # the products are small: with two BLAS threads they run several times slower, and the last bits of
 # the results would depend on their number; numpy reads this when it is imported

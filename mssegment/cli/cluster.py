@@ -57,8 +57,9 @@ def command(
     hypotheses = read_argument(document, HypothesesDocument)
     start = time.perf_counter()
     from mssegment import pipeline
+    from mssegment.history import inherited
 
-    configuration = resolve([*pipeline.inherited(hypotheses), *settings])
+    configuration = resolve([*inherited(hypotheses), *settings])
     with voice.working("cluster"):
         segmentation = pipeline.cluster(hypotheses, configuration, threads)
     voice.deliver(segmentation, output, start)

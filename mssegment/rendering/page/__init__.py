@@ -15,11 +15,11 @@ from html import escape
 from importlib import resources
 from string import Template
 
-from mssegment import __version__
 from mssegment.rendering.page import payload, sections, still
 from mssegment.rendering.report import Report
 from mssegment.rendering.style import hexadecimal, mark
 from mssegment.rendering.tables import summary
+from mssegment.version import __version__
 
 __all__ = ["render_page"]
 
