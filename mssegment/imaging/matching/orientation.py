@@ -32,13 +32,15 @@ def _histograms(level: Level, points: Floats) -> Singles:
     """Histograms [n, 36] of the gradients around points of the picture on a level."""
     gx = cv2.Scharr(level.grey, cv2.CV_32F, 1, 0)
     gy = cv2.Scharr(level.grey, cv2.CV_32F, 0, 1)
-    # cv2.phase and cv2.magnitude are faster, but differ in the last bits from run to run
-    magnitude, angle = cv2.cartToPolar(gx, gy)
+    # cv2.phase and cv2.magnitude, and in OpenCV 4.8 the magnitude of cartToPolar too, differ in the
+    # last bits from run to run: they depend on where an array lies in memory
+    _, angle = cv2.cartToPolar(gx, gy)
+    magnitude = np.sqrt(gx * gx + gy * gy)
     turns = np.asarray(angle) * np.float32(BINS / (2 * np.pi))
     bins = np.minimum(turns.astype(np.uint8), BINS - 1)
     pad = RADIUS + 1
     size, bin_of = (
-        cv2.copyMakeBorder(np.asarray(picture), pad, pad, pad, pad, cv2.BORDER_CONSTANT).ravel()
+        cv2.copyMakeBorder(picture, pad, pad, pad, pad, cv2.BORDER_CONSTANT).ravel()
         for picture in (magnitude, bins)
     )
     dx, dy = _disc()
