@@ -30,7 +30,7 @@ def loaded(*arguments: str) -> set[str]:
 
 @pytest.fixture(scope="module")
 def slow() -> set[str]:
-    """The slow modules that our packages do not load themselves; old NumPy and msgspec load some."""
+    """The slow modules that our packages do not load themselves, as old NumPy and msgspec do."""
     return SLOW - set(python("import numpy, cv2, msgspec, sys; print(*sys.modules)").split())
 
 
