@@ -63,16 +63,3 @@ def quantile(values: Floats, share: float) -> Floats:
     low, high = np.moveaxis(np.partition(values, [below, above])[..., [below, above]], -1, 0)
     part, gap = place - below, high - low
     return np.asarray(low + gap * part if part < 0.5 else high - gap * (1 - part))
-
-
-def linked(pairs: Integers, count: int) -> Integers:
-    """A number for each of ``count`` things, the same where ``pairs`` [k, 2] link them somehow."""
-    group = np.arange(count)
-    while True:
-        least = group.copy()
-        np.minimum.at(least, pairs[:, 0], group[pairs[:, 1]])
-        np.minimum.at(least, pairs[:, 1], group[pairs[:, 0]])
-        least = least[least]
-        if np.array_equal(least, group):
-            return group
-        group = least

@@ -8,8 +8,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 from scipy.optimize import linear_sum_assignment
-from scipy.sparse import coo_matrix
-from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 from scipy.special import polygamma
 from scipy.stats import chi2
@@ -19,7 +17,6 @@ from mssegment.neighbours import nearest, pairs_within
 from mssegment.special import (
     chi_square_quantile,
     distinct,
-    linked,
     median,
     quantile,
     trigamma_of_half,
@@ -47,16 +44,6 @@ def test_matching_has_the_greatest_sum(gain):
     rows, columns = [i for i, _ in pairs], [j for _, j in pairs]
     assert len(set(rows)) == len(set(columns)) == len(pairs) == min(gain.shape)
     assert gain[rows, columns].sum() == gain[linear_sum_assignment(gain, maximize=True)].sum()
-
-
-@given(
-    arrays.arrays(np.int64, st.tuples(st.integers(0, 9), st.just(2)), elements=st.integers(0, 9))
-)
-def test_linked_things_have_one_number(pairs):
-    links = coo_matrix((np.ones(len(pairs)), pairs.T), shape=(10, 10))
-    expected = connected_components(links, directed=False)[1]
-    found = linked(pairs, 10)
-    np.testing.assert_array_equal(found[:, None] == found, expected[:, None] == expected)
 
 
 @given(st.lists(st.integers(-3, 4) | st.integers(-(2**62), 2**62)))

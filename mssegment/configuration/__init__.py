@@ -178,15 +178,9 @@ def camera_settings(text: str) -> list[Setting]:
 
 
 def _value(text: str, origin: str) -> Any:
-    """What ``text`` stands for in YAML; PyYAML is not loaded for a word or an ordinary number."""
+    """What ``text`` stands for in YAML; PyYAML is not loaded for a single word."""
     if text.isascii() and text.isalpha():
         return _WORDS.get(text, text)
-    if text.isascii() and len(text) < 16:
-        whole, _, fraction = text.partition(".")
-        if whole.isdecimal() and fraction.isdecimal():
-            return float(text)
-        if text.isdecimal() and (text == "0" or not text.startswith("0")):
-            return int(text)
     from mssegment.configuration.files import value_of
 
     return value_of(text, origin)

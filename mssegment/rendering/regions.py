@@ -9,7 +9,6 @@ import numpy.typing as npt
 from mssegment.neighbours import nearest, pairs_within
 from mssegment.records import BACKGROUND, LARGEST_COORDINATE, Floats
 from mssegment.rendering.report import Picture, Report
-from mssegment.special import linked
 
 Contours = tuple[Floats, ...]
 """Closed outlines, each [n, 2] in pixels."""
@@ -38,10 +37,15 @@ def settled(points: Floats) -> npt.NDArray[np.bool_]:
     Points within twice the typical spacing hang together; a group counts where it has at least
     three points and a twentieth of all. A wrong inlier far away is not settled.
     """
+    from scipy.sparse import coo_matrix
+    from scipy.sparse.csgraph import connected_components
+
     count = len(points)
     if count < 3:
         return np.zeros(count, dtype=bool)
-    group = linked(pairs_within(points, 2.0 * spacing(points)), count)
+    pairs = pairs_within(points, 2.0 * spacing(points))
+    links = coo_matrix((np.ones(len(pairs)), pairs.T), shape=(count, count))
+    _, group = connected_components(links, directed=False)
     sizes = np.bincount(group)
     least = min(int(sizes.max()), max(3, count // 20))
     return np.asarray(sizes[group] >= least)
