@@ -83,9 +83,7 @@ def hypothesize(
     _check_arguments(names, points, camera, count, sampling)
     complete = np.asarray(np.isfinite(points).all(axis=(1, 2)))
     usable = complete if eligible is None else complete & eligible
-    if usable.sum() > MOST_TRACKS:
-        drawn = rng.choice(np.flatnonzero(usable), MOST_TRACKS, replace=False)
-        usable = np.isin(np.arange(len(points)), drawn)
+    usable = some_of(usable, MOST_TRACKS, rng)
     frames = points.shape[1]
     rotation = None
     if derotate is not False and model == "translation" and camera is not None:
@@ -103,6 +101,15 @@ def hypothesize(
         fewer = count == "auto" and name != names[0]
         sets.append(_sample(scene, FEWEST // 2 if fewer else count, sampling, rng))
     return [one for one in sets if len(one.points)]
+
+
+def some_of(tracks: Flags, most: int, rng: np.random.Generator) -> Flags:
+    """The ``tracks`` [P], or so many of them, drawn at random, where they are more."""
+    if tracks.sum() <= most:
+        return tracks
+    drawn = np.zeros(len(tracks), dtype=bool)
+    drawn[rng.choice(np.flatnonzero(tracks), most, replace=False)] = True
+    return drawn
 
 
 def neighbour_space(points: Floats) -> Floats:

@@ -79,18 +79,16 @@ def import_tracks(path: str) -> TracksDocument:
 def detect(configuration: Configuration, source: FrameSource) -> CornersDocument:
     """Stage 1: the corners of every frame."""
     from mssegment.imaging.corners import QUALITY, detect_all
-    from mssegment.imaging.threads import threads_for
 
     settings = configuration.detect
-    with threads_for(len(source)):
-        corners = detect_all(
-            source.greys(),
-            source.frames,
-            levels=_given(settings.levels),
-            limit=_given(settings.max_corners),
-            distance=_given(settings.min_distance),
-            quality=QUALITY if settings.quality == "auto" else settings.quality,
-        )
+    corners = detect_all(
+        source.greys(),
+        source.frames,
+        levels=_given(settings.levels),
+        limit=_given(settings.max_corners),
+        distance=_given(settings.min_distance),
+        quality=QUALITY if settings.quality == "auto" else settings.quality,
+    )
     return CornersDocument(
         frames=list(source.frames), corners=corners, history=[entry_of("detect", configuration)]
     )

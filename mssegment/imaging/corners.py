@@ -11,6 +11,7 @@ import numpy.typing as npt
 from mssegment.errors import DataError
 from mssegment.imaging.pictures import Grey
 from mssegment.imaging.pyramid import Level, build_pyramid, size_unit
+from mssegment.imaging.threads import threads_for
 from mssegment.neighbours import pairs_within
 from mssegment.records import Corners, Floats, Frame
 
@@ -90,14 +91,15 @@ def detect_all(
     pair = len(pictures) == 2
     found: list[Corners] = []
     for number, grey in enumerate(pictures):
-        corners = detect(
-            grey,
-            levels=levels if levels is not None or pair else 1,
-            limit=limit if limit is not None else (LIMIT_TWO_VIEWS if pair else LIMIT_SEQUENCE),
-            distance=distance if distance is not None else (0.0 if pair else DISTANCE_SEQUENCE),
-            quality=quality,
-            even=len(pictures) > FEW_FRAMES,
-        )
+        with threads_for(len(pictures)):
+            corners = detect(
+                grey,
+                levels=levels if levels is not None or pair else 1,
+                limit=limit if limit is not None else (LIMIT_TWO_VIEWS if pair else LIMIT_SEQUENCE),
+                distance=distance if distance is not None else (0.0 if pair else DISTANCE_SEQUENCE),
+                quality=quality,
+                even=len(pictures) > FEW_FRAMES,
+            )
         if len(corners.points) == 0:
             name = frames[number].path if frames else f"frame {number + 1}"
             raise DataError(

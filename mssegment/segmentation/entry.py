@@ -200,19 +200,14 @@ def _strongest_modes(
     candidate that a selection happened to refit may have been a weak neighbour of it.
     """
     lowest = int(labels.min(initial=0))
-    width = int(labels.max(initial=0)) - lowest + 1
-    counts = np.zeros((len(modes), width), dtype=np.int64)
-    for view, assignment in zip(views, assignments, strict=True):
-        members = np.flatnonzero(assignment >= 0)
-        place = labels[view.hypotheses.subsets[members]] - lowest
-        place += assignment[members, None] * width
-        counts += np.bincount(place.ravel(), minlength=counts.size).reshape(counts.shape)
     owner: dict[int, int] = {}
     told: set[tuple[int, int]] = set()
-    names = (counts.argmax(axis=1) + lowest).tolist()
-    most = (2 * counts.max(axis=1, initial=0) > counts.sum(axis=1)).tolist()
-    for index, (mode, label) in enumerate(zip(modes, names, strict=True)):
-        if label > 0 and most[index] and (mode.set, label) not in told:
+    for index, mode in enumerate(modes):
+        subsets = views[mode.set].hypotheses.subsets[assignments[mode.set] == index]
+        counts = np.bincount(labels[subsets].ravel() - lowest, minlength=1)
+        label = int(counts.argmax()) + lowest
+        most = 2 * counts.max() > counts.sum()
+        if label > 0 and most and (mode.set, label) not in told:
             owner[index] = label
             told.add((mode.set, label))
     return owner

@@ -13,7 +13,7 @@ from typing import Literal
 import numpy as np
 
 from mssegment.errors import DataError
-from mssegment.hypotheses import nearest_neighbours
+from mssegment.hypotheses import nearest_neighbours, some_of
 from mssegment.motions import Flags
 from mssegment.records import Floats, HypothesisSet, Integers
 from mssegment.segmentation.consensus.evidence import EVIDENCE, Evidence, Subspace
@@ -72,11 +72,8 @@ def draw_consensus_sets(
     seen = np.asarray(np.isfinite(points).all(axis=2))
     if eligible is not None:
         seen = seen & eligible[:, None]
+    seen = seen & some_of(np.asarray(seen.any(axis=1)), MOST_TRACKS, rng)[:, None]
     lengths = seen.sum(axis=1)
-    if (lengths > 1).sum() > MOST_TRACKS:
-        some = rng.choice(np.flatnonzero(lengths > 1), MOST_TRACKS, replace=False)
-        seen = seen & np.isin(np.arange(len(seen)), some)[:, None]
-        lengths = seen.sum(axis=1)
     if static:
         return _draw_pairs(points, seen, ("affine",), _long_pairs(frames, lengths), rng)
     complete = seen.all(axis=1)

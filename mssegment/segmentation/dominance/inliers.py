@@ -10,6 +10,7 @@ spread of the logarithm of a noise does not depend on its size.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 import numpy as np
 
@@ -110,15 +111,29 @@ def _chi_median(c: int) -> float:
 
 
 def fit_within(view: View, point: Floats, cut: float) -> Fitted | None:
-    """Alternates inliers within ``cut`` pixels and least squares until the inliers stay.
+    """``point`` fitted to its inliers within ``cut`` pixels, by turns until these stay.
 
     None where the motion loses its inliers on the way.
     """
+    return _fitted(view, point, lambda residuals: cut)
+
+
+def fit_to_basin(view: View, point: Floats) -> Fitted | None:
+    """``point`` fitted to the basin of its own residuals, by turns until the inliers stay.
+
+    None where the motion loses its inliers on the way.
+    """
+    dimension, least = view.model.residual_dimension, view.model.subset_size + SPARE
+    return _fitted(view, point, lambda residuals: first_minimum(residuals, dimension, least))
+
+
+def _fitted(view: View, point: Floats, limit: Callable[[Floats], float]) -> Fitted | None:
+    """Alternates inliers, up to the ``limit`` of the residuals, and least squares."""
     least = view.model.subset_size + SPARE
     residuals = view.residuals(point[None])[0]
     inliers = np.zeros(len(residuals), dtype=np.bool_)
     for _ in range(ROUNDS):
-        before, inliers = inliers, np.asarray(residuals <= cut)
+        before, inliers = inliers, np.asarray(residuals <= limit(residuals))
         if np.array_equal(inliers, before):
             break
         points, sound = view.fit(inliers[None].astype(np.float64))
@@ -126,23 +141,3 @@ def fit_within(view: View, point: Floats, cut: float) -> Fitted | None:
             return None
         point, residuals = points[0], view.residuals(points)[0]
     return Fitted(point, inliers, residuals)
-
-
-def fit_to_basin(view: View, point: Floats) -> Fitted | None:
-    """Alternates inliers and least squares from the motion ``point`` until the inliers stay.
-
-    None where the motion loses its inliers on the way.
-    """
-    least = view.model.subset_size + SPARE
-    residuals = view.residuals(point[None])[0]
-    inliers = np.zeros(len(residuals), dtype=np.bool_)
-    for _ in range(ROUNDS):
-        before = inliers
-        inliers = residuals <= first_minimum(residuals, view.model.residual_dimension, least)
-        if np.array_equal(inliers, before):
-            break
-        points, sound = view.fit(inliers[None].astype(np.float64))
-        if inliers.sum() < least or not sound[0]:
-            return None
-        point, residuals = points[0], view.residuals(points)[0]
-    return Fitted(point, np.asarray(inliers), residuals)
