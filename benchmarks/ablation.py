@@ -17,13 +17,13 @@ from typing import Literal
 
 import numpy as np
 
-from mssegment import hypotheses
 from mssegment.datasets.adelaidermf import ADELAIDERMF, group_of
 from mssegment.evaluation import misclassification
 from mssegment.records import OUTLIER, Floats, HypothesisSet, Integers, replace
-from mssegment.segmentation.entry import segment_by_modes
+from mssegment.sampling import elemental_subsets
 from mssegment.segmentation.mdl.choice import STANDARD, Recipe, mdl
-from mssegment.segmentation.selection import Choice, Granularity, Problem
+from mssegment.segmentation.mode_based import segment_by_modes
+from mssegment.segmentation.selection import Granularity, SelectionProblem, SelectionResult
 
 Sampling = Literal["local", "uniform"]
 
@@ -79,18 +79,18 @@ def pairs(folder: Path) -> Iterator[Pair]:
 
 
 def sampled(pair: Pair, sampling: Sampling, seed: int) -> list[HypothesisSet]:
-    return hypotheses.hypothesize(
+    return elemental_subsets.hypothesize(
         pair.points, model=pair.model, sampling=sampling, rng=np.random.default_rng([seed, 1])
     )
 
 
-def problem_of(pair: Pair, sampling: Sampling, seed: int) -> Problem:
+def problem_of(pair: Pair, sampling: Sampling, seed: int) -> SelectionProblem:
     """What a selection gets to see of ``pair``: the tracks and the modes, no labels."""
-    kept: list[Problem] = []
+    kept: list[SelectionProblem] = []
 
-    def keep(problem: Problem) -> Choice:
+    def keep(problem: SelectionProblem) -> SelectionResult:
         kept.append(problem)
-        return Choice(())
+        return SelectionResult(())
 
     segment_by_modes(
         pair.points,

@@ -20,14 +20,8 @@ from mssegment.benchmarking import shuffled_in_time
 from mssegment.datasets import DATASETS, ImportedTracks
 from mssegment.evaluation import misclassification
 from mssegment.records import Floats, HypothesisSet, Integers
-from mssegment.segmentation.consensus import (
-    bodies,
-    cluster_by_consensus,
-    clustering,
-    cuts,
-    draw_consensus_sets,
-    drawing,
-)
+from mssegment.sampling.frame_pairs import draw_consensus_sets
+from mssegment.segmentation.consensus import bodies, cluster_by_consensus, clustering, cuts, drawing
 
 Change = tuple[object, str, object]
 

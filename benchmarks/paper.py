@@ -14,10 +14,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from benchmarks.scenes import CAMERA, SETUPS, Scene, SetUp, generate, oracle
-from mssegment import motions
+from mssegment import models
 from mssegment.evaluation import match_labels, misclassification, residual_errors
-from mssegment.hypotheses import hypothesize
 from mssegment.records import HypothesisSet, Segmentation
+from mssegment.sampling.elemental_subsets import hypothesize
 from mssegment.segmentation import SELECTIONS, cluster
 from mssegment.segmentation.selection import Granularity
 
@@ -70,13 +70,13 @@ def residual_ratios(
     scene: Scene, hypotheses: HypothesisSet, found: Segmentation
 ) -> tuple[float, ...]:
     """res / res-hat of every found motion that has a true partner, over its true inliers."""
-    model = motions.make(hypotheses.model, frames=scene.points.shape[1])
-    observed = model.observe(scene.points, hypotheses.coordinates)
+    model = models.make(hypotheses.model, frames=scene.points.shape[1])
+    observed = model.observe(scene.points, hypotheses.normalization)
     ratios = []
     for label, true in match_labels(found.labels, scene.labels).items():
         best, _ = model.algebraic_fit(observed, (scene.labels == true)[None].astype(float))
         both = np.stack([found.motions[label - 1].parameters, best[0]])
-        errors = model.algebraic_residuals(both, observed, hypotheses.coordinates)
+        errors = model.algebraic_residuals(both, observed, hypotheses.normalization)
         res, res_hat = (residual_errors(row, scene.labels, true) for row in errors)
         ratios.append(res / res_hat)
     return tuple(ratios)

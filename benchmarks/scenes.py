@@ -13,8 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.stats import chi2, norm
 
-from mssegment import motions
-from mssegment.records import Camera, Coordinates, Floats, Integers
+from mssegment import models
+from mssegment.records import Camera, Floats, Integers, Normalization
 
 WIDTH, HEIGHT = 640, 480
 NOISE = 0.5
@@ -68,24 +68,24 @@ def generate(setup: SetUp, seed: int) -> Scene:
 
 def oracle(setup: SetUp, scene: Scene) -> Integers:
     """Labels by the true motions: every track to the nearest one within 2.5 sigma."""
-    model = motions.make(setup.model, frames=setup.frames)
-    coordinates = model.coordinates(scene.points, CAMERA)
+    model = models.make(setup.model, frames=setup.frames)
+    normalization = model.normalization(scene.points, CAMERA)
     weights = np.stack(
         [(scene.labels == j).astype(float) for j in range(1, len(setup.inliers) + 1)]
     )
-    true, sound = model.fit(model.observe(scene.exact, coordinates), weights)
-    if not sound.all():
+    true, valid = model.fit(model.observe(scene.exact, normalization), weights)
+    if not valid.all():
         raise RuntimeError(f"{setup.name}: a true motion is degenerate")
-    distance = model.residuals(true, model.observe(scene.points, coordinates), coordinates)
+    distance = model.residuals(true, model.observe(scene.points, normalization), normalization)
     limit = float(np.sqrt(chi2.isf(2 * norm.sf(WITHIN), model.residual_dimension)))
-    limit *= residual_sigma(setup, coordinates) / np.sqrt(model.residual_terms)
+    limit *= residual_sigma(setup, normalization) / np.sqrt(model.residual_terms)
     nearest = distance.argmin(axis=0)
     return np.where(distance.min(axis=0) <= limit, nearest + 1, 0).astype(np.int64)
 
 
-def residual_sigma(setup: SetUp, coordinates: Coordinates) -> float:
+def residual_sigma(setup: SetUp, normalization: Normalization) -> float:
     """Standard deviation of a residual's coordinate; a transfer error has two views' noise."""
-    del coordinates
+    del normalization
     return NOISE * float(np.sqrt(2.0)) if setup.model == "affine" else NOISE
 
 

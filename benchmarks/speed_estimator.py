@@ -52,9 +52,9 @@ def affine(n: int, goal: float, constant: float = 0.5) -> Iterator[Row]:
 
 def all_logarithms(manifold: Manifold, points: Floats) -> None:
     """Every logarithm between two of the points, in blocks."""
-    cloud = manifold.cloud(points)
-    for start in range(0, len(points), cloud.rows):
-        cloud.seen_from(points[start : start + cloud.rows])
+    prepared = manifold.prepare(points)
+    for start in range(0, len(points), prepared.rows):
+        prepared.block(points[start : start + prepared.rows])
 
 
 def _against(

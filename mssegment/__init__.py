@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 from mssegment.version import __version__
 
 if TYPE_CHECKING:
-    from mssegment.library import segment_pictures, segment_tracks
+    from mssegment.api import segment_pictures, segment_tracks
     from mssegment.records import Camera
 
 __all__ = ["Camera", "__version__", "segment_pictures", "segment_tracks"]
@@ -22,6 +22,6 @@ def __getattr__(name: str) -> Any:
     """Loads the library when it is asked for: the command line starts without it."""
     if name not in __all__:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    from mssegment import library
+    from mssegment import api
 
-    return getattr(library, name)
+    return getattr(api, name)

@@ -38,7 +38,7 @@ from mssegment.resources import Timings, keep_freed_memory
 
 if TYPE_CHECKING:
     from mssegment.imaging.frames import FrameSource
-    from mssegment.segmentation.background import Background
+    from mssegment.preprocessing.background import Background
 
 NOTHING_SHARED = (
     "no hypothesis is confirmed by further tracks: the matches share no motion; check the matches, "
@@ -124,7 +124,7 @@ def match(
 
 def hypothesize(document: TracksDocument, configuration: Configuration) -> HypothesesDocument:
     """Stage 3: background, elemental subsets, and hypotheses on the manifold of the model."""
-    from mssegment.segmentation.background import find_background
+    from mssegment.preprocessing.background import find_background
     from mssegment.stage_checks import nothing_moves
 
     camera = camera_of(configuration.camera) or document.camera
@@ -157,22 +157,22 @@ def _draw_sets(
     points: Floats, camera: Camera | None, background: Background, configuration: Configuration
 ) -> list[HypothesisSet]:
     """The sets of hypotheses that the model, the number of frames and the method ask for."""
-    from mssegment.segmentation.ways import AUTO_FRAMES, uses_consensus
+    from mssegment.sampling.strategy import AUTO_FRAMES, uses_consensus
 
     settings, frames = configuration.hypothesize, points.shape[1]
     eligible = background.status == 0
     rng = _random("hypothesize", configuration)
     model = _model(configuration, frames)
     if uses_consensus(configuration.cluster.method, model, frames):
-        from mssegment.segmentation.consensus import draw_consensus_sets
+        from mssegment.sampling.frame_pairs import draw_consensus_sets
 
         return draw_consensus_sets(
             points, rng, eligible=eligible, static=background.found, rank=settings.rank
         )
     if model == "factorization" and frames >= AUTO_FRAMES:
-        from mssegment.segmentation.clouds import draw_long_sets
+        from mssegment.sampling.pooled_ranks import draw_pooled_sets
 
-        return draw_long_sets(
+        return draw_pooled_sets(
             points,
             count=settings.count,
             sampling=settings.sampling,
@@ -180,7 +180,7 @@ def _draw_sets(
             rank=settings.rank,
             rng=rng,
         )
-    from mssegment.hypotheses import hypothesize as draw
+    from mssegment.sampling.elemental_subsets import hypothesize as draw
 
     derotate = configuration.camera.derotate
     if derotate == "auto" and background.found:

@@ -95,7 +95,7 @@ class Tracks(Record, frozen=True):
         return np.asarray(np.isfinite(self.points).all(axis=-1))
 
 
-class Coordinates(Record, frozen=True):
+class Normalization(Record, frozen=True):
     """How pixels became the coordinates in which a hypothesis is a point on its manifold.
 
     Frame f of the set maps x to (x - ``centres``[f]) / ``scale``; ``centres`` is [F, 2] pixels and
@@ -120,20 +120,20 @@ class HypothesisSet(Record, frozen=True):
     model: str
     manifold: str
     frames: tuple[int, ...]
-    coordinates: Coordinates
+    normalization: Normalization
     subsets: Integers
     points: Floats
     drawn: int = 0
 
 
 class Mode(Record, frozen=True):
-    """A local maximum of the kernel density of the hypotheses of set ``set``.
+    """A local maximum of the kernel density of the hypotheses of set ``set_index``.
 
     ``hypotheses`` counts the mean shift trajectories that end here, ``kde`` is the kernel density
     (7) without its constant, ``motion`` the label of the motion that grew from it (0: none).
     """
 
-    set: int
+    set_index: int
     hypotheses: int
     kde: float
     point: Floats
@@ -144,14 +144,14 @@ class Motion(Record, frozen=True):
     """A mode that survived selection, refitted to its inliers.
 
     ``label`` is its number, 1 the one with most inliers; ``parameters`` is its point on the
-    manifold of ``set``'s model (``model`` names it: ``auto`` may choose per motion);
+    manifold of ``set_index``'s model (``model`` names it: ``auto`` may choose per motion);
     ``inliers`` are indices of tracks; ``scale`` is the standard deviation of its residuals and
     ``rms`` their root mean square, in pixels; ``cost_saved`` is the description length that the
     motion saves (nats), None where the selection does not reckon with it.
     """
 
     label: int
-    set: int
+    set_index: int
     model: str
     parameters: Floats
     inliers: Integers

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from mssegment import motions
+from mssegment import models
 from mssegment.errors import DataError
 from mssegment.manifolds import from_name
 from mssegment.records import BACKGROUND, HypothesisSet, Integers, Segmentation
@@ -19,7 +19,7 @@ AGAIN = "run `mssegment hypothesize` again"
 
 def nothing_moves(status: Integers, model: str) -> bool:
     """Whether, once the background is removed, too few tracks are left for one hypothesis."""
-    least = motions.make("affine" if model == "auto" else model, frames=3).subset_size
+    least = models.make("affine" if model == "auto" else model, frames=3).subset_size
     left = int((status == 0).sum())
     return bool((status == BACKGROUND).any()) and left <= least
 
@@ -39,16 +39,16 @@ def check_sets(sets: Sequence[HypothesisSet]) -> None:
     """Raises DataError for a set whose model, manifold, frames and points do not fit together."""
     for i, chosen in enumerate(sets):
         frames, shape = len(chosen.frames), chosen.points.shape
-        if chosen.model in motions.MODELS:
-            model = motions.MODELS[chosen.model]
+        if chosen.model in models.MODELS:
+            model = models.MODELS[chosen.model]
             if frames < model.min_frames or frames > (model.max_frames or frames):
                 raise DataError(f"sets[{i}]: model {model.name} over {frames} frames; {AGAIN}")
-            expected = motions.make(model.name, frames=frames, rank=_rank(shape)).manifold.name
+            expected = models.make(model.name, frames=frames, rank=_rank(shape)).manifold.name
         else:
-            from mssegment.segmentation.consensus.evidence import EVIDENCE
+            from mssegment.models.evidence import EVIDENCE
 
             if chosen.model not in EVIDENCE:
-                known = ", ".join(motions.MODELS | EVIDENCE)
+                known = ", ".join(models.MODELS | EVIDENCE)
                 found = f"no model is called {chosen.model!r}"
                 raise DataError(f"sets[{i}]: {found}; known are {known}")
             expected = EVIDENCE[chosen.model].manifold(frames)

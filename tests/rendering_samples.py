@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from mssegment.motions import make
+from mssegment.models import make
 from mssegment.records import Frame, HypothesisSet, Mode, Motion, Segmentation, Tracks
 from mssegment.rendering.report import Report, build_report
 
@@ -36,25 +36,25 @@ def affine_report(*, frames: int = 2, tracks: int = 60, truth: bool = True, **ex
     points += rng.normal(0, 0.2, points.shape)
     model = make("affine")
     ends = points[:, [0, -1]]
-    coordinates = model.coordinates(ends, None)
-    observed = model.observe(ends, coordinates)
+    normalization = model.normalization(ends, None)
+    observed = model.observe(ends, normalization)
     weights = np.array([labels == 1, labels == 2], dtype=np.float64)
     parameters, _ = model.fit(observed, weights)
-    residuals = model.residuals(parameters, observed, coordinates)
+    residuals = model.residuals(parameters, observed, normalization)
     subsets = np.concatenate(
         [rng.choice(np.flatnonzero(labels == k), (20, 3)) for k in (1, 2)]
         + [rng.integers(0, tracks, (10, 3))]
     )
-    hypotheses, sound = model.minimal_fit(observed[subsets])
-    sound &= np.isfinite(hypotheses).all(axis=(1, 2))
-    hypotheses, subsets = hypotheses[sound], subsets[sound]
+    hypotheses, valid = model.minimal_fit(observed[subsets])
+    valid &= np.isfinite(hypotheses).all(axis=(1, 2))
+    hypotheses, subsets = hypotheses[valid], subsets[valid]
     assignment = np.argmin(model.manifold.pairwise_dist2(parameters, hypotheses), axis=0)
     found = labels.copy()
     found[-1] = -1
     motions = tuple(
         Motion(
             label=k + 1,
-            set=0,
+            set_index=0,
             model="affine",
             parameters=parameters[k],
             inliers=np.flatnonzero(found == k + 1),
@@ -77,7 +77,7 @@ def affine_report(*, frames: int = 2, tracks: int = 60, truth: bool = True, **ex
                 "affine",
                 model.manifold.name,
                 (0, frames - 1),
-                coordinates,
+                normalization,
                 subsets,
                 hypotheses,
                 80,

@@ -1,4 +1,4 @@
-"""The house: imports run one way, and the lower rooms know nothing of files or of the terminal."""
+"""The architecture: imports run one way; the mathematics knows no files and no terminal."""
 
 from __future__ import annotations
 
@@ -10,22 +10,33 @@ from pathlib import Path
 import mssegment
 
 ROOT = Path(mssegment.__file__).parent
-FLOORS = [
+LAYERS = [
     {"records", "errors", "version"},
     {"neighbours", "resources", "special"},
-    {"manifolds"},
-    {"motions", "evaluation"},
+    {"manifolds", "geometry"},
+    {"models", "evaluation"},
     {"meanshift", "imaging", "datasets", "documents", "configuration"},
-    {"hypotheses", "segmentation", "rendering", "truth", "history"},
+    {"preprocessing"},
+    {"sampling"},
+    {"segmentation", "rendering", "labelling", "ground_truth", "history"},
     {"stage_checks"},
     {"pipeline"},
-    {"benchmarking", "library"},
+    {"benchmarking", "api"},
     {"cli"},
 ]
-"""From the ground up: a room imports only from rooms on its own floor or below."""
-FLOOR = {room: level for level, rooms in enumerate(FLOORS) for room in rooms}
+"""From the bottom up: a package imports only from its own layer or those below."""
+LAYER = {package: level for level, packages in enumerate(LAYERS) for package in packages}
 TERMINAL = {"click", "rich"}
-QUIET_ROOMS = {"manifolds", "meanshift", "motions", "hypotheses", "segmentation", "evaluation"}
+MATHEMATICS = {
+    "evaluation",
+    "geometry",
+    "manifolds",
+    "meanshift",
+    "models",
+    "preprocessing",
+    "sampling",
+    "segmentation",
+}
 FILES = {"cv2", "pathlib", "os", "io", "json", "yaml", "msgspec", "click", "rich"}
 
 
@@ -42,36 +53,38 @@ def imports_of(path: Path) -> set[str]:
     return found
 
 
-def room_of(path: Path) -> str:
-    """The room of a source file: the folder or file right below the package."""
+def package_of(path: Path) -> str:
+    """The folder or file right below ``mssegment`` that a source file belongs to."""
     return path.relative_to(ROOT).parts[0].removesuffix(".py")
 
 
-def rooms_imported(path: Path) -> set[str]:
+def packages_imported(path: Path) -> set[str]:
     names = (name.split(".") for name in imports_of(path) if name.startswith("mssegment."))
-    return {parts[1] for parts in names} & FLOOR.keys()
+    return {parts[1] for parts in names} & LAYER.keys()
 
 
 def sources() -> list[Path]:
     return [path for path in ROOT.rglob("*.py") if path != ROOT / "__init__.py"]
 
 
-def test_every_room_has_its_floor() -> None:
-    assert {room_of(path) for path in sources()} <= FLOOR.keys()
+def test_every_package_has_its_layer() -> None:
+    assert {package_of(path) for path in sources()} <= LAYER.keys()
 
 
 def test_imports_run_one_way() -> None:
     upwards = [
-        f"{path.relative_to(ROOT)} imports {room}"
+        f"{path.relative_to(ROOT)} imports {package}"
         for path in sources()
-        for room in rooms_imported(path)
-        if FLOOR[room] > FLOOR[room_of(path)]
+        for package in packages_imported(path)
+        if LAYER[package] > LAYER[package_of(path)]
     ]
     assert not upwards
 
 
-def test_rooms_of_one_floor_have_no_circles() -> None:
-    edges = {(room_of(path), room) for path in sources() for room in rooms_imported(path)}
+def test_packages_of_one_layer_have_no_circles() -> None:
+    edges = {
+        (package_of(path), package) for path in sources() for package in packages_imported(path)
+    }
     edges = {(a, b) for a, b in edges if a != b}
     both_ways = [(a, b) for a, b in edges if (b, a) in edges]
     assert not both_ways
@@ -81,7 +94,8 @@ def test_only_the_command_line_knows_the_terminal() -> None:
     knows = [
         str(path.relative_to(ROOT))
         for path in sources()
-        if room_of(path) != "cli" and {name.split(".")[0] for name in imports_of(path)} & TERMINAL
+        if package_of(path) != "cli"
+        and {name.split(".")[0] for name in imports_of(path)} & TERMINAL
     ]
     assert not knows
 
@@ -90,7 +104,7 @@ def test_the_mathematics_knows_no_files() -> None:
     knows = [
         f"{path.relative_to(ROOT)}: {name}"
         for path in sources()
-        if room_of(path) in QUIET_ROOMS
+        if package_of(path) in MATHEMATICS
         for name in imports_of(path)
         if name.split(".")[0] in FILES
     ]

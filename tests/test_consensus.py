@@ -14,20 +14,16 @@ from mssegment import manifolds
 from mssegment.datasets import DATASETS
 from mssegment.errors import DataError
 from mssegment.evaluation import misclassification
-from mssegment.records import NOT_JUDGED, OUTLIER, Coordinates, HypothesisSet
+from mssegment.models.evidence import EVIDENCE
+from mssegment.records import NOT_JUDGED, OUTLIER, HypothesisSet, Normalization
+from mssegment.sampling.frame_pairs import draw_consensus_sets, draw_subsets
+from mssegment.sampling.strategy import uses_consensus
 from mssegment.segmentation import cluster
-from mssegment.segmentation.consensus import (
-    cluster_by_consensus,
-    draw_consensus_sets,
-    segment_by_consensus,
-)
-from mssegment.segmentation.consensus.bodies import border_contrast, cloud_cost
-from mssegment.segmentation.consensus.comembership import mark_best
-from mssegment.segmentation.consensus.drawing import draw_subsets
-from mssegment.segmentation.consensus.evidence import EVIDENCE
+from mssegment.segmentation.consensus import cluster_by_consensus, segment_by_consensus
+from mssegment.segmentation.consensus.coassociation import mark_best
+from mssegment.segmentation.consensus.model_order import border_contrast, cloud_cost
 from mssegment.segmentation.consensus.outliers import leave_one_out_residuals
 from mssegment.segmentation.consensus.spectral import embedding, partition, sharpen
-from mssegment.segmentation.ways import uses_consensus
 
 
 def run(points: np.ndarray, seed: int = 0, **options):
@@ -48,10 +44,10 @@ def test_a_minimal_fit_lies_on_its_manifold_and_fits_its_subset(
     frames = 6 if name == "factorization" else 2
     samples = rng.normal(size=(20, kind.subset_size, frames, 2))
     samples[:, :, 1:] = samples[:, :, :1] + 0.2 * samples[:, :, 1:]
-    found, sound = kind.fit(samples)
-    assert sound.any()
-    manifolds.from_name(kind.manifold(frames)).check_point(found[sound])
-    for one, subset in zip(found[sound], samples[sound], strict=True):
+    found, valid = kind.fit(samples)
+    assert valid.any()
+    manifolds.from_name(kind.manifold(frames)).check_point(found[valid])
+    for one, subset in zip(found[valid], samples[valid], strict=True):
         assert kind.squared_residuals(one[None], subset).max() < 1e-12
 
 
@@ -73,8 +69,8 @@ def test_epipolar_lines_of_a_perspective_body_are_met(rng: np.random.Generator) 
     moved = world @ turn.T + (0.3, 0.1, 0.2)
     matches = np.stack([p[:, :2] / p[:, 2:] for p in (world, moved)], axis=1)
     kind = EVIDENCE["fundamental"]
-    found, sound = kind.fit(matches[None, :8])
-    assert sound.all()
+    found, valid = kind.fit(matches[None, :8])
+    assert valid.all()
     assert kind.squared_residuals(found, matches).max() < 1e-12
     wrong = matches + rng.normal(0, 0.05, matches.shape)
     assert np.median(kind.squared_residuals(found, wrong)) > 1e-5
@@ -221,7 +217,7 @@ def test_every_motion_is_a_point_with_a_mode(scene) -> None:
     densities = [mode.kde for mode in found.modes]
     assert densities == sorted(densities, reverse=True)
     for motion in found.motions:
-        manifold = manifolds.from_name(sets[motion.set].manifold)
+        manifold = manifolds.from_name(sets[motion.set_index].manifold)
         manifold.check_point(motion.parameters)
         assert motion.rms < 1.0
         own = found.residuals[motion.label - 1]
@@ -263,7 +259,7 @@ def test_what_cannot_be_grouped_says_why(scene) -> None:
         "translation",
         "grassmann(3,1)",
         (0, 1),
-        Coordinates(np.zeros((2, 2)), 1.0),
+        Normalization(np.zeros((2, 2)), 1.0),
         np.zeros((1, 3), int),
         np.eye(3)[None, :, :1],
     )

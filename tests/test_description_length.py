@@ -14,8 +14,8 @@ from scipy.integrate import trapezoid
 from mssegment.datasets.adelaidermf import read
 from mssegment.errors import DataError
 from mssegment.evaluation import misclassification
-from mssegment.hypotheses import hypothesize
 from mssegment.records import Floats, Integers, Segmentation, replace
+from mssegment.sampling.elemental_subsets import hypothesize
 from mssegment.segmentation import cluster
 from mssegment.segmentation.mdl.labelling import Neighbourhood, frequency_labels, neighbour_labels
 from mssegment.segmentation.mdl.likelihood import Noise, uniform_cost

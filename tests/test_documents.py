@@ -34,12 +34,12 @@ from mssegment.documents.arrays import LIST_LIMIT
 from mssegment.errors import DataError, UsageError
 from mssegment.records import (
     Camera,
-    Coordinates,
     Corners,
     Frame,
     HypothesisSet,
     Mode,
     Motion,
+    Normalization,
     Tracks,
 )
 
@@ -65,7 +65,7 @@ def example_documents() -> list[Document]:
         "affine",
         "affine(2)",
         (0, 1),
-        Coordinates(np.zeros((2, 2)), 100.0),
+        Normalization(np.zeros((2, 2)), 100.0),
         np.array([[0, 1, 2]]),
         np.eye(3)[None],
         drawn=4,

@@ -7,10 +7,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mssegment import manifolds, motions
+from mssegment import manifolds, models
 from mssegment.errors import DataError, MssegmentError, UsageError
-from mssegment.hypotheses import CONFIRMATIONS, hypothesize, nearest_neighbours
 from mssegment.records import Camera
+from mssegment.sampling.elemental_subsets import CONFIRMATIONS, hypothesize
+from mssegment.sampling.neighbourhoods import nearest_neighbours
 
 CAMERA = Camera(800.0, 800.0, 320.0, 240.0)
 FRAMES = {"translation": 2, "affine": 2, "homography": 2, "factorization": 5}
@@ -29,7 +30,7 @@ def two_bodies(rng, frames=2, outliers=20):
     return points + rng.normal(0.0, 0.3, points.shape), np.repeat([1, 2, 0], [30, 30, outliers])
 
 
-@pytest.mark.parametrize("name", list(motions.MODELS))
+@pytest.mark.parametrize("name", list(models.MODELS))
 @pytest.mark.parametrize("sampling", ["local", "uniform"])
 def test_hypotheses_are_points_on_the_manifold_of_the_model(name, sampling, rng):
     points, _ = two_bodies(rng, FRAMES[name])
@@ -39,7 +40,7 @@ def test_hypotheses_are_points_on_the_manifold_of_the_model(name, sampling, rng)
     manifold = manifolds.from_name(found.manifold)
     manifold.check_point(found.points)
     assert found.points.shape == (80, *manifold.point_shape)
-    model = motions.make(name, frames=FRAMES[name])
+    model = models.make(name, frames=FRAMES[name])
     assert found.subsets.shape == (80, model.subset_size)
     assert all(len(set(row)) == model.subset_size for row in found.subsets.tolist())
     assert found.drawn >= 80
@@ -122,7 +123,7 @@ def test_two_view_models_refuse_sequences(name, rng):
         hypothesize(points, model=name, camera=CAMERA, rng=rng)
 
 
-@pytest.mark.parametrize("name", list(motions.MODELS))
+@pytest.mark.parametrize("name", list(models.MODELS))
 def test_fewer_tracks_than_a_subset(name, rng):
     points, _ = two_bodies(rng, FRAMES[name])
     for count in (0, 1, 2):
@@ -130,7 +131,7 @@ def test_fewer_tracks_than_a_subset(name, rng):
             hypothesize(points[:count], model=name, camera=CAMERA, rng=rng)
 
 
-@pytest.mark.parametrize("name", list(motions.MODELS))
+@pytest.mark.parametrize("name", list(models.MODELS))
 def test_only_degenerate_subsets(name, rng):
     line = np.linspace(0.0, 300.0, 30)[:, None] * [1.0, 0.5]
     points = np.repeat(line[:, None], FRAMES[name], axis=1)
@@ -142,7 +143,7 @@ def test_only_degenerate_subsets(name, rng):
 @given(
     tracks=st.integers(0, 12),
     frames=st.integers(0, 5),
-    name=st.sampled_from([*motions.MODELS, "auto"]),
+    name=st.sampled_from([*models.MODELS, "auto"]),
     seed=st.integers(0, 1000),
     scale=st.sampled_from([0.0, 1e-9, 1.0, 1e6]),
     broken=st.booleans(),

@@ -138,7 +138,9 @@ def test_basis_does_not_matter(manifold, rng):
     np.testing.assert_allclose(
         manifold.dist(manifold.exp(x @ q, v @ q), manifold.exp(x, v)), 0, atol=1e-7
     )
-    np.testing.assert_allclose(manifold.attraction(x @ q, y @ r), manifold.attraction(x, y) @ q)
+    np.testing.assert_allclose(
+        manifold.neg_half_grad_sq_dist(x @ q, y @ r), manifold.neg_half_grad_sq_dist(x, y) @ q
+    )
 
 
 def test_left_translation_does_not_matter(manifold, rng):
@@ -148,7 +150,9 @@ def test_left_translation_does_not_matter(manifold, rng):
     g = manifold.random_point(rng, 1)
     np.testing.assert_allclose(manifold.dist(g @ x, g @ y), manifold.dist(x, y), rtol=1e-8)
     np.testing.assert_allclose(
-        manifold.attraction(g @ x, g @ y), g @ manifold.attraction(x, y), atol=1e-9
+        manifold.neg_half_grad_sq_dist(g @ x, g @ y),
+        g @ manifold.neg_half_grad_sq_dist(x, y),
+        atol=1e-9,
     )
 
 
@@ -163,7 +167,7 @@ def test_attraction_is_minus_half_the_gradient_where_exact(manifold, rng):
     u = manifold.random_tangent(x, rng)
     if manifold.exact_gradient:
         expected = -0.5 * directional_derivative(manifold, x, y, u)
-        found = manifold.inner(x, manifold.attraction(x, y), u)
+        found = manifold.inner(x, manifold.neg_half_grad_sq_dist(x, y), u)
         np.testing.assert_allclose(found, expected, atol=1e-7)
 
 
@@ -175,7 +179,7 @@ def test_attraction_is_the_gradient_to_first_order(manifold, rng):
     for length in (0.2, 0.02):
         y = manifold.exp(x, length * v)
         expected = -0.5 * directional_derivative(manifold, x, y, u, t=1e-4 * length)
-        found = manifold.inner(x, manifold.attraction(x, y), u)
+        found = manifold.inner(x, manifold.neg_half_grad_sq_dist(x, y), u)
         errors.append(np.abs(found - expected).max() / length)
     assert errors[0] < 0.3
     assert errors[1] < 0.15 * errors[0] + 1e-6
@@ -191,7 +195,7 @@ def test_mean_tangent_is_the_weighted_mean_of_attractions(manifold, rng):
     x, y = manifold.random_point(rng, 4), manifold.random_point(rng, 9)
     w = rng.uniform(size=(4, 9))
     w[2] = 0.0
-    pull = manifold.attraction(x[:, None], y[None])
+    pull = manifold.neg_half_grad_sq_dist(x[:, None], y[None])
     expected = np.einsum("mn,mn...->m...", w, pull) / shaped(
         w.sum(axis=1) + (w.sum(axis=1) == 0), manifold
     )
@@ -201,10 +205,10 @@ def test_mean_tangent_is_the_weighted_mean_of_attractions(manifold, rng):
 def test_default_cloud_agrees_with_the_manifolds_own(manifold, rng):
     x, y = manifold.random_point(rng, 4), manifold.random_point(rng, 9)
     own, default = (
-        manifold.cloud(y, 0.3).seen_from(x),
-        Manifold.cloud(manifold, y, 0.3).seen_from(x),
+        manifold.prepare(y, 0.3).block(x),
+        Manifold.prepare(manifold, y, 0.3).block(x),
     )
-    np.testing.assert_allclose(own.z, default.z, rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(own.scaled_sq_dist, default.scaled_sq_dist, rtol=1e-9, atol=1e-9)
     w = rng.uniform(size=(4, 9))
     for a, b in zip(own.weighted_sum(w), default.weighted_sum(w), strict=True):
         np.testing.assert_allclose(a, b, atol=1e-10)
@@ -214,18 +218,18 @@ def test_nearest_points_of_a_cloud_are_those_of_all(manifold, rng):
     """Also where most pairs are never looked at, and where points coincide."""
     y = manifold.random_point(rng, 40)
     y = np.concatenate([y, manifold.exp(y, 0.01 * manifold.random_tangent(y, rng)), y[:5]])
-    cloud = manifold.cloud(y, 0.3)
+    prepared = manifold.prepare(y, 0.3)
     for count in (1, 7, 80):
-        found = np.sort(cloud.nearest(y[:9], count), axis=1)
-        whole = np.sort(cloud.seen_from(y[:9]).z, axis=1)[:, : count + 1]
+        found = np.sort(prepared.nearest(y[:9], count), axis=1)
+        whole = np.sort(prepared.block(y[:9]).scaled_sq_dist, axis=1)[:, : count + 1]
         np.testing.assert_allclose(found, whole, rtol=1e-9, atol=1e-12)
 
 
 def test_single_precision_is_near(manifold, rng):
     x, y = manifold.random_point(rng, 4), manifold.random_point(rng, 9)
     near, exact = (
-        manifold.cloud(y, 1.0, precise=False).seen_from(x).z,
-        manifold.cloud(y).seen_from(x).z,
+        manifold.prepare(y, 1.0, precise=False).block(x).scaled_sq_dist,
+        manifold.prepare(y).block(x).scaled_sq_dist,
     )
     np.testing.assert_allclose(near, exact, rtol=1e-4, atol=1e-5)
 
@@ -234,7 +238,9 @@ def test_one_point_without_batch_axes(manifold, rng):
     x, y = close_pair(manifold, rng, size=1)
     assert manifold.exp(x[0], manifold.log(x[0], y[0])).shape == manifold.point_shape
     np.testing.assert_allclose(manifold.dist(x[0], y[0]), manifold.dist(x, y)[0], atol=1e-14)
-    np.testing.assert_allclose(manifold.attraction(x[0], y[0]), manifold.attraction(x, y)[0])
+    np.testing.assert_allclose(
+        manifold.neg_half_grad_sq_dist(x[0], y[0]), manifold.neg_half_grad_sq_dist(x, y)[0]
+    )
 
 
 def test_no_points_at_all(manifold):

@@ -8,7 +8,7 @@ import scipy.linalg
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mssegment.manifolds import AffineGroup, MatrixGroup, SpecialLinear
+from mssegment.manifolds import SL3, AffineGroup, MatrixGroup
 
 IDENTITY = np.eye(3)
 
@@ -69,10 +69,10 @@ def test_without_a_real_logarithm_the_distance_is_infinite(m):
     group = AffineGroup()
     assert np.isnan(group.log(IDENTITY, m)).any()
     assert group.dist(IDENTITY, m) == np.inf
-    assert (group.attraction(IDENTITY, m) == 0).all()
-    both = group.cloud(np.stack([m, IDENTITY]), precise=False).seen_from(IDENTITY[None])
-    assert both.z[0, 0] == np.inf
-    summed, total = both.weighted_sum(np.exp(-both.z))
+    assert (group.neg_half_grad_sq_dist(IDENTITY, m) == 0).all()
+    both = group.prepare(np.stack([m, IDENTITY]), precise=False).block(IDENTITY[None])
+    assert both.scaled_sq_dist[0, 0] == np.inf
+    summed, total = both.weighted_sum(np.exp(-both.scaled_sq_dist))
     assert np.isfinite(summed).all()
     assert total[0] == pytest.approx(1.0)
 
@@ -92,7 +92,7 @@ def test_affine_exp_and_log_invert_each_other(numbers):
 
 @pytest.mark.parametrize("length", [1e-9, 1e-4, 0.3, 1.0, 2.0])
 def test_special_linear_logarithm_and_exponential_are_scipys(length, rng):
-    group = SpecialLinear()
+    group = SL3()
     x = np.broadcast_to(IDENTITY, (40, 3, 3))
     v = length * group.random_tangent(x, rng)
     m = group.exp(x, v)
@@ -107,35 +107,37 @@ def test_special_linear_logarithm_and_exponential_are_scipys(length, rng):
     "m", [np.diag([-1.0, -1.0, 1.0]), np.diag([-2.0, -0.25, 2.0]), np.diag([1.0, -2.0, -0.5])]
 )
 def test_special_linear_without_a_real_logarithm(m):
-    assert SpecialLinear().dist(IDENTITY, m) == np.inf
+    assert SL3().dist(IDENTITY, m) == np.inf
 
 
 def test_jordan_blocks_of_special_linear():
     """Shears: all eigenvalues 1, the logarithm is the finite series."""
     n = np.array([[0.0, 2.0, -1.0], [0.0, 0.0, 3.0], [0.0, 0.0, 0.0]])
-    np.testing.assert_allclose(
-        SpecialLinear().log(IDENTITY, IDENTITY + n), n - n @ n / 2, atol=1e-8
-    )
+    np.testing.assert_allclose(SL3().log(IDENTITY, IDENTITY + n), n - n @ n / 2, atol=1e-8)
 
 
-@pytest.mark.parametrize("group", [AffineGroup(), SpecialLinear()])
+@pytest.mark.parametrize("group", [AffineGroup(), SL3()])
 def test_pruned_pairs_are_only_those_out_of_reach(group: MatrixGroup, rng):
     x, y = group.random_point(rng, 30), group.random_point(rng, 200)
     h = 0.15
-    whole = group.cloud(y, h).seen_from(x)
+    whole = group.prepare(y, h).block(x)
     for precise, tolerance in ((True, 1e-9), (False, 2e-3)):
-        pruned = group.cloud(y, h, precise, reach=5.0).seen_from(x)
-        near = whole.z <= 25.0
-        assert not np.isfinite(pruned.z).all()
-        np.testing.assert_allclose(pruned.z[near], whole.z[near], rtol=tolerance, atol=tolerance)
-        far = np.isfinite(pruned.z) & ~near
-        np.testing.assert_allclose(pruned.z[far], whole.z[far], rtol=tolerance)
-        weights = np.exp(-whole.z) * near
+        pruned = group.prepare(y, h, precise, reach=5.0).block(x)
+        near = whole.scaled_sq_dist <= 25.0
+        assert not np.isfinite(pruned.scaled_sq_dist).all()
+        np.testing.assert_allclose(
+            pruned.scaled_sq_dist[near], whole.scaled_sq_dist[near], rtol=tolerance, atol=tolerance
+        )
+        far = np.isfinite(pruned.scaled_sq_dist) & ~near
+        np.testing.assert_allclose(
+            pruned.scaled_sq_dist[far], whole.scaled_sq_dist[far], rtol=tolerance
+        )
+        weights = np.exp(-whole.scaled_sq_dist) * near
         for a, b in zip(pruned.weighted_sum(weights), whole.weighted_sum(weights), strict=True):
             np.testing.assert_allclose(a, b, atol=tolerance)
 
 
-@pytest.mark.parametrize("group", [AffineGroup(), SpecialLinear()])
+@pytest.mark.parametrize("group", [AffineGroup(), SL3()])
 def test_lower_bound_of_the_distance(group: MatrixGroup, rng):
     """|m - m^-1|_F / 2 <= sinh |log m|_F, by which pairs are left out."""
     m = group.random_point(rng, 500)
@@ -145,7 +147,7 @@ def test_lower_bound_of_the_distance(group: MatrixGroup, rng):
 
 def test_logarithms_of_special_linear_at_every_distance(rng):
     """Few nodes, more, and square roots: each takes over where the one before ends."""
-    group = SpecialLinear()
+    group = SL3()
     v = group.random_tangent(np.broadcast_to(IDENTITY, (3000, 3, 3)), rng)
     v *= rng.uniform(0.0, 3.0, (3000, 1, 1))
     first = np.moveaxis(np.array([scipy.linalg.expm(each) for each in v]), 0, 2)
@@ -164,5 +166,7 @@ def test_gradient_of_equation_21_is_ten_percent_off_at_length_0_3(rng):
     first, exact = AffineGroup(), AffineGroup(exact=True)
     x = first.random_point(rng, 200)
     y = first.exp(x, 0.3 * first.random_tangent(x, rng))
-    error = first.norm(x, first.attraction(x, y) - exact.attraction(x, y)) / 0.3
+    error = (
+        first.norm(x, first.neg_half_grad_sq_dist(x, y) - exact.neg_half_grad_sq_dist(x, y)) / 0.3
+    )
     assert 0.02 < np.median(error) < 0.15

@@ -9,8 +9,12 @@ from moving_bodies import rigid_bodies
 import mssegment
 from mssegment.evaluation import misclassification
 from mssegment.records import NOT_JUDGED, HypothesisSet
-from mssegment.segmentation.consensus import draw_consensus_sets
-from mssegment.segmentation.consensus.joining import MOST_TRACKS, sets_among, tracks_to_group
+from mssegment.sampling.frame_pairs import draw_consensus_sets
+from mssegment.segmentation.consensus.label_propagation import (
+    MOST_GROUPED,
+    sets_among,
+    tracks_to_group,
+)
 
 
 @pytest.fixture(scope="module")
@@ -52,7 +56,7 @@ def test_a_crowd_is_grouped_by_those_that_made_hypotheses(
     sets = draw_consensus_sets(points, np.random.default_rng(0))
     everyone = np.ones(len(points), dtype=bool)
     grouped = tracks_to_group(everyone, sets)
-    assert 0.9 * MOST_TRACKS < grouped.sum() <= MOST_TRACKS
+    assert 0.9 * MOST_GROUPED < grouped.sum() <= MOST_GROUPED
     few = everyone & (np.arange(len(points)) < 100)
     np.testing.assert_array_equal(tracks_to_group(few, sets), few)
 

@@ -46,7 +46,7 @@ def test_modes_are_fixed_points_with_the_density_of_equation_7(name, rng):
     points, _, _ = clusters(manifold, rng)
     found = MeanShift(manifold).fit(points)
     step, density = shift(
-        manifold.cloud(points, found.bandwidth_), KERNELS["gaussian"], found.modes_
+        manifold.prepare(points, found.bandwidth_), KERNELS["gaussian"], found.modes_
     )
     length = manifold.norm(found.modes_, step) / found.bandwidth_
     isolated = found.densities_ * len(points) < 1.01
@@ -65,10 +65,10 @@ def test_density_never_falls_where_the_gradient_is_exact(name, kernel, rng):
     manifold = from_name(name)
     points, _, _ = clusters(manifold, rng)
     bandwidth = MeanShift(manifold, bandwidth_constant=1.0).fit(points).bandwidth_
-    cloud = manifold.cloud(points, bandwidth)
+    prepared = manifold.prepare(points, bandwidth)
     x, last = points, np.zeros(len(points))
     for _ in range(15):
-        step, density = shift(cloud, kernel_named(kernel), x)
+        step, density = shift(prepared, kernel_named(kernel), x)
         assert (density >= last - 1e-9).all()
         x, last = manifold.exp(x, step), density
 
@@ -80,9 +80,9 @@ def test_relaxed_steps_climb_too(name, rng):
     points, _, _ = clusters(manifold, rng)
     for constant in (0.5, 1.0):
         bandwidth = MeanShift(manifold, bandwidth_constant=constant).fit(points).bandwidth_
-        cloud = manifold.cloud(points, bandwidth)
-        step, density = shift(cloud, KERNELS["gaussian"], points)
-        _, further = shift(cloud, KERNELS["gaussian"], manifold.exp(points, RELAXED * step))
+        prepared = manifold.prepare(points, bandwidth)
+        step, density = shift(prepared, KERNELS["gaussian"], points)
+        _, further = shift(prepared, KERNELS["gaussian"], manifold.exp(points, RELAXED * step))
         assert (further >= density * (1 - 1e-9)).all()
 
 
@@ -91,12 +91,12 @@ def test_shift_is_the_gradient_of_the_log_density(name, rng):
     """(8)-(9): m = h^2 grad log f for the Gaussian kernel, against finite differences."""
     manifold = from_name(name)
     points, _, _ = clusters(manifold, rng)
-    cloud, h, t = manifold.cloud(points, 0.3), 0.3, 1e-5
+    prepared, h, t = manifold.prepare(points, 0.3), 0.3, 1e-5
     x = points[:20]
-    step, _ = shift(cloud, KERNELS["gaussian"], x)
+    step, _ = shift(prepared, KERNELS["gaussian"], x)
     u = manifold.random_tangent(x, rng)
     ahead, behind = (
-        np.log(shift(cloud, KERNELS["gaussian"], manifold.exp(x, s * t * u))[1]) for s in (1, -1)
+        np.log(shift(prepared, KERNELS["gaussian"], manifold.exp(x, s * t * u))[1]) for s in (1, -1)
     )
     np.testing.assert_allclose(
         manifold.inner(x, step, u), h**2 * (ahead - behind) / (2 * t), atol=1e-6

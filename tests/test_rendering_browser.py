@@ -16,10 +16,10 @@ import numpy as np
 import pytest
 from rendering_samples import affine_report, many_tracks
 
+from mssegment.ground_truth import true_labels
+from mssegment.labelling import LabelServer
 from mssegment.records import Frame, replace
-from mssegment.rendering.labelling import LabelServer
 from mssegment.rendering.page import render_page
-from mssegment.truth import true_labels
 
 playwright = pytest.importorskip("playwright.sync_api", reason="pip install '.[browser]'")
 

@@ -12,10 +12,10 @@ import pytest
 
 from mssegment.datasets import labels_from_masks
 from mssegment.errors import DataError, UsageError
+from mssegment.ground_truth import true_labels
+from mssegment.labelling import LabelServer
+from mssegment.labelling.masks import POLYGONS, Drawing, Polygon, mask_files, mask_of
 from mssegment.records import Frame
-from mssegment.rendering.labelling import LabelServer
-from mssegment.rendering.labelling.masks import POLYGONS, Drawing, Polygon, mask_files, mask_of
-from mssegment.truth import true_labels
 
 FRAMES = [Frame("a/frame-3.png", 60, 40), Frame("a/frame-7.png", 60, 40)]
 SQUARE = [[10, 10], [29, 10], [29, 29], [10, 29]]

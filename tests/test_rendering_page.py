@@ -15,7 +15,15 @@ from hypothesis import strategies as st
 from rendering_samples import affine_report
 
 from mssegment.manifolds import from_name
-from mssegment.records import Coordinates, Frame, HypothesisSet, Mode, Segmentation, Tracks, replace
+from mssegment.records import (
+    Frame,
+    HypothesisSet,
+    Mode,
+    Normalization,
+    Segmentation,
+    Tracks,
+    replace,
+)
 from mssegment.rendering.page import payload, render_page
 from mssegment.rendering.page.projection import project
 from mssegment.rendering.pictures import KINDS, render_pictures
@@ -153,7 +161,7 @@ def sphere_report(points, labels):
         "translation",
         "grassmann(3,1)",
         (0, 1),
-        Coordinates(np.zeros((2, 2)), 1.0),
+        Normalization(np.zeros((2, 2)), 1.0),
         np.zeros((len(points), 2), dtype=np.int64),
         points,
     )

@@ -95,9 +95,11 @@ def test_res_is_the_mean_squared_residual_over_the_true_inliers():
     report = affine_report()
     motion, chosen = report.motions[0], report.sets[0]
     points = report.tracks.points[report.truth == 1][:, [0, -1]]
-    start, end = (points - chosen.coordinates.centres).transpose(1, 0, 2) / chosen.coordinates.scale
+    start, end = (points - chosen.normalization.centres).transpose(
+        1, 0, 2
+    ) / chosen.normalization.scale
     moved = start @ motion.parameters[:2, :2].T + motion.parameters[:2, 2]
-    error = ((moved - end) ** 2).sum(axis=1) * chosen.coordinates.scale**2
+    error = ((moved - end) ** 2).sum(axis=1) * chosen.normalization.scale**2
     assert report.res[0] == pytest.approx(error.mean(), rel=1e-6)
 
 

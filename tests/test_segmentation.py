@@ -7,16 +7,16 @@ import pytest
 
 from benchmarks.paper import run_scene, summarize, table
 from benchmarks.scenes import CAMERA, HEIGHT, SETUPS, WIDTH, generate, oracle
-from mssegment import motions
+from mssegment import models
 from mssegment.errors import DataError, UsageError
 from mssegment.evaluation import misclassification
-from mssegment.hypotheses import hypothesize
+from mssegment.preprocessing.background import find_background
 from mssegment.records import BACKGROUND, NOT_JUDGED, HypothesisSet, replace
+from mssegment.sampling.elemental_subsets import hypothesize
 from mssegment.segmentation import SELECTIONS, cluster
-from mssegment.segmentation.background import find_background
-from mssegment.segmentation.dominance.choice import largest_gap
-from mssegment.segmentation.dominance.inliers import first_minimum, fit_to_basin, inlier_limit
-from mssegment.segmentation.selection import View
+from mssegment.segmentation.dominant_modes.choice import largest_gap
+from mssegment.segmentation.dominant_modes.inliers import first_minimum, fit_to_basin, inlier_limit
+from mssegment.segmentation.selection import ObservedSet
 
 SIZE = (WIDTH, HEIGHT)
 
@@ -138,7 +138,7 @@ def test_a_sample_of_noise_alone_has_no_minimum(rng):
 
 
 def test_the_limit_lies_where_noise_and_mismatches_are_equally_likely(rng):
-    model = motions.make("affine")
+    model = models.make("affine")
     noise = np.linalg.norm(rng.normal(0.0, 0.5, (80, 2)), axis=1)
     limit = inlier_limit(np.concatenate([noise, rng.uniform(5.0, 200.0, 40)]), model)
     assert 2.0 * 0.5 < limit < 6.0 * 0.5
@@ -146,15 +146,15 @@ def test_the_limit_lies_where_noise_and_mismatches_are_equally_likely(rng):
 
 def test_fitting_to_the_basin_recovers_a_motion_from_a_poor_start(rng):
     scene = generate(SETUPS["fig4"], 5)
-    model = motions.make("affine")
-    coordinates = model.coordinates(scene.points)
-    observed = model.observe(scene.points, coordinates)
+    model = models.make("affine")
+    normalization = model.normalization(scene.points)
+    observed = model.observe(scene.points, normalization)
     empty = HypothesisSet(
-        "affine", "affine(2)", (0, 1), coordinates, np.zeros((0, 3), int), np.zeros((0, 3, 3))
+        "affine", "affine(2)", (0, 1), normalization, np.zeros((0, 3), int), np.zeros((0, 3, 3))
     )
     true, _ = model.fit(observed, (scene.labels == 1)[None].astype(float))
     poor = model.manifold.exp(true, 0.005 * model.manifold.random_tangent(true, rng))
-    fitted = fit_to_basin(View(empty, model, observed), poor[0])
+    fitted = fit_to_basin(ObservedSet(empty, model, observed), poor[0])
     assert fitted is not None
     agreement = (fitted.inliers == (scene.labels == 1)).mean()
     assert agreement > 0.95

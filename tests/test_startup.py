@@ -48,8 +48,12 @@ def test_two_pictures_load_nothing_slow(run: tuple[Path, set[str]], slow: set[st
 
 
 def test_two_pictures_load_no_other_way_to_motions(run: tuple[Path, set[str]]) -> None:
-    others = {"segmentation.consensus", "segmentation.clouds", "motions.derotation", "truth"}
-    others |= {"datasets", "rendering.pictures", "rendering.page", "library"}
+    others = {
+        "segmentation.consensus",
+        "segmentation.mixture",
+        "preprocessing.rotation_compensation",
+    }
+    others |= {"ground_truth", "datasets", "rendering.pictures", "rendering.page", "api"}
     others |= {"cli.detect", "cli.match", "cli.hypothesize", "cli.cluster"}
     assert not run[1] & {f"mssegment.{name}" for name in others}
 

@@ -197,13 +197,13 @@ def _labels_from_pixels(
     """Labels of the published tracks ``points`` under the motions found in the pictures."""
     from mssegment.imaging.frames import frames_in_memory
     from mssegment.pipeline import run
-    from mssegment.segmentation.judging import judge
+    from mssegment.segmentation.assignment import assign
 
     if not entry.pictures:
         raise UsageError(f"{entry.name}: --from-pixels needs pictures, and its file has none")
     source = frames_in_memory(entry.frames, [picture[..., ::-1] for picture in entry.pictures])
     found = run(configuration, source=source).segmentation
-    return judge(points, found.sets, found.segmentation)
+    return assign(points, found.sets, found.segmentation)
 
 
 def add_outliers(

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import click
 
 from mssegment.cli import COMMANDS
-from mssegment.cli.common import Voice, put, voice_options
+from mssegment.cli.common import Console, console_options, put
 from mssegment.configuration import from_environment, from_text
 
 if TYPE_CHECKING:
@@ -66,7 +66,7 @@ DATA_SETS = ("adelaidermf", "hopkins155", "kt3dmoseg")
     help="Processes at a time; the results do not depend on them.",
 )
 @click.option("--set", "assignments", multiple=True, metavar="KEY=VALUE", help="Set any key.")
-@voice_options
+@console_options
 def command(
     dataset: str,
     folder: str,
@@ -78,7 +78,7 @@ def command(
     seeds: int,
     jobs: int,
     assignments: tuple[str, ...],
-    voice: Voice,
+    console: Console,
 ) -> None:
     """Run a published data set and compare with its labels.
 
@@ -105,26 +105,26 @@ def command(
     total = benchmarking.number_of_results(dataset, folder, seeds, single_groups)
     try:
         # one by one, so that an interruption leaves what is done
-        results.extend(_watched(running, total, voice))
+        results.extend(_watched(running, total, console))
     except KeyboardInterrupt:
-        _write(dataset, results, voice)
-        voice.note(f"interrupted: {len(results)} of {total} results are above")
+        _write(dataset, results, console)
+        console.note(f"interrupted: {len(results)} of {total} results are above")
         raise
-    _write(dataset, results, voice)
+    _write(dataset, results, console)
 
 
 def _watched(
-    running: Iterator[SequenceResult], total: int, voice: Voice
+    running: Iterator[SequenceResult], total: int, console: Console
 ) -> Iterator[SequenceResult]:
     """The results, with a progress bar on a terminal."""
-    with voice.progress("benchmark", total) as advance:
+    with console.progress("benchmark", total) as advance:
         for result in running:
             advance(result.name)
             yield result
 
 
-def _write(dataset: str, results: list[SequenceResult], voice: Voice) -> None:
+def _write(dataset: str, results: list[SequenceResult], console: Console) -> None:
     from mssegment.cli.benchmark_tables import benchmark_json, benchmark_text
 
-    write = benchmark_json if voice.json else benchmark_text
+    write = benchmark_json if console.json else benchmark_text
     put(write(dataset, results))

@@ -8,12 +8,12 @@ import click
 
 from mssegment.cli import COMMANDS
 from mssegment.cli.common import (
-    Voice,
+    Console,
+    console_options,
     document_argument,
     output_option,
     read_argument,
     settings_options,
-    voice_options,
 )
 from mssegment.configuration import Setting, resolve
 from mssegment.documents import HypothesesDocument
@@ -44,9 +44,9 @@ KEYS = (
     help="Threads; the result does not depend on them.",
 )
 @output_option
-@voice_options
+@console_options
 def command(
-    document: str, settings: list[Setting], threads: int, output: str | None, voice: Voice
+    document: str, settings: list[Setting], threads: int, output: str | None, console: Console
 ) -> None:
     """Find the modes of the hypotheses by mean shift and turn the right ones into motions.
 
@@ -60,6 +60,6 @@ def command(
     from mssegment.history import inherited
 
     configuration = resolve([*inherited(hypotheses), *settings])
-    with voice.working("cluster"):
+    with console.working("cluster"):
         segmentation = pipeline.cluster(hypotheses, configuration, threads)
-    voice.deliver(segmentation, output, start)
+    console.deliver(segmentation, output, start)

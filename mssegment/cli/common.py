@@ -97,7 +97,7 @@ def _option(name: str, key: str) -> Callable[[Any], Any]:
     )
 
 
-class Voice(Record, frozen=True):
+class Console(Record, frozen=True):
     """What a command says on standard error, and how it hands over its document."""
 
     quiet: bool = False
@@ -186,13 +186,13 @@ class Voice(Record, frozen=True):
                 self.note(f"{key} = {value}")
 
 
-def voice_options(command: Command) -> Command:
-    """Adds --json, --quiet, --verbose, --debug; the command gets ``voice``."""
+def console_options(command: Command) -> Command:
+    """Adds --json, --quiet, --verbose, --debug; the command gets ``console``."""
 
     @functools.wraps(command)
     def wrapper(*args: Any, quiet: bool, verbose: bool, debug: bool, **kwargs: Any) -> Any:
         as_json = kwargs.pop("json")
-        return command(*args, voice=Voice(quiet, verbose, as_json), **kwargs)
+        return command(*args, console=Console(quiet, verbose, as_json), **kwargs)
 
     wrapped: Any = wrapper
     for option in (
@@ -216,9 +216,9 @@ def format_option(command: Command) -> Command:
     )(command)
 
 
-def chosen_format(form: str | None, voice: Voice) -> str:
+def chosen_format(form: str | None, console: Console) -> str:
     """A person gets text, a program JSON, unless one is asked for."""
-    return form or ("json" if voice.json or not sys.stdout.isatty() else "text")
+    return form or ("json" if console.json or not sys.stdout.isatty() else "text")
 
 
 def put(text: str) -> None:

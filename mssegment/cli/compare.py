@@ -6,12 +6,12 @@ import click
 
 from mssegment.cli import COMMANDS
 from mssegment.cli.common import (
-    Voice,
+    Console,
     chosen_format,
+    console_options,
     format_option,
     put,
     settings_options,
-    voice_options,
 )
 from mssegment.configuration import Setting, resolve
 from mssegment.documents import SegmentationDocument, read_document, write_bytes
@@ -28,13 +28,13 @@ KEYS = ("report.labels", "report.label_radius")
 @settings_options(*KEYS)
 @click.option("--picture", metavar="FILE", help="Also draw them side by side (.png, .jpg, .svg).")
 @format_option
-@voice_options
+@console_options
 def command(
     segmentations: tuple[str, ...],
     settings: list[Setting],
     picture: str | None,
     form: str | None,
-    voice: Voice,
+    console: Console,
 ) -> None:
     """Put several segmentations side by side: seeds, settings, models.
 
@@ -54,8 +54,8 @@ def command(
     if picture is not None:
         content = comparison_picture(segmentations, reports, _picture_format(picture))
         write_bytes(picture, content)
-        voice.note(f"{picture} written")
-    text = format_comparison(segmentations, reports, chosen_format(form, voice))
+        console.note(f"{picture} written")
+    text = format_comparison(segmentations, reports, chosen_format(form, console))
     put(text)
 
 

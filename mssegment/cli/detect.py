@@ -7,7 +7,7 @@ import time
 import click
 
 from mssegment.cli import COMMANDS
-from mssegment.cli.common import Voice, output_option, settings_options, voice_options
+from mssegment.cli.common import Console, console_options, output_option, settings_options
 from mssegment.configuration import Setting, resolve
 from mssegment.errors import UsageError
 
@@ -29,9 +29,9 @@ KEYS = (
 @click.argument("images", nargs=-1, metavar="IMAGE... | FOLDER | GLOB | VIDEO")
 @settings_options(*KEYS)
 @output_option
-@voice_options
+@console_options
 def command(
-    images: tuple[str, ...], settings: list[Setting], output: str | None, voice: Voice
+    images: tuple[str, ...], settings: list[Setting], output: str | None, console: Console
 ) -> None:
     """Find Harris corners in pictures (8 or 16 bit, grey or colour) or in a video.
 
@@ -43,6 +43,6 @@ def command(
     from mssegment import pipeline
 
     configuration = resolve([*settings, Setting("input.images", list(images), "IMAGE")])
-    with voice.working("detect"):
+    with console.working("detect"):
         document = pipeline.detect(configuration, pipeline.open_input(configuration))
-    voice.deliver(document, output, start)
+    console.deliver(document, output, start)

@@ -8,12 +8,12 @@ import click
 
 from mssegment.cli import COMMANDS
 from mssegment.cli.common import (
-    Voice,
+    Console,
+    console_options,
     document_argument,
     output_option,
     read_argument,
     settings_options,
-    voice_options,
 )
 from mssegment.configuration import Setting, resolve
 from mssegment.documents import TracksDocument
@@ -39,8 +39,8 @@ KEYS = (
 @document_argument("tracks")
 @settings_options(*KEYS)
 @output_option
-@voice_options
-def command(document: str, settings: list[Setting], output: str | None, voice: Voice) -> None:
+@console_options
+def command(document: str, settings: list[Setting], output: str | None, console: Console) -> None:
     """Draw elemental subsets of the tracks and turn each into a motion hypothesis.
 
     Reads a tracks document, writes a hypotheses document. What stands still under a static camera
@@ -51,6 +51,6 @@ def command(document: str, settings: list[Setting], output: str | None, voice: V
     start = time.perf_counter()
     from mssegment import pipeline
 
-    with voice.working("hypothesize"):
+    with console.working("hypothesize"):
         hypotheses = pipeline.hypothesize(tracks, configuration)
-    voice.deliver(hypotheses, output, start)
+    console.deliver(hypotheses, output, start)

@@ -7,7 +7,7 @@ import time
 import click
 
 from mssegment.cli import COMMANDS
-from mssegment.cli.common import Voice, output_option, refuse_keyboard, voice_options
+from mssegment.cli.common import Console, console_options, output_option, refuse_keyboard
 from mssegment.documents import STANDARD
 
 
@@ -17,8 +17,8 @@ from mssegment.documents import STANDARD
 )
 @click.argument("file", metavar="[FILE]", required=False, default=STANDARD)
 @output_option
-@voice_options
-def command(file: str, output: str | None, voice: Voice) -> None:
+@console_options
+def command(file: str, output: str | None, console: Console) -> None:
     """Read tracks that another program made, and write a tracks document.
 
     FILE is a CSV (`x1,y1,x2,y2[,label]` or `track,frame,x,y[,label]`, pixels), or a .mat of
@@ -30,4 +30,4 @@ def command(file: str, output: str | None, voice: Voice) -> None:
     from mssegment.pipeline import import_tracks
 
     document = import_tracks(file)
-    voice.deliver(document, output, start, "import")
+    console.deliver(document, output, start, "import")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import click
 
 from mssegment.cli import COMMANDS
-from mssegment.cli.common import Voice, output_option, voice_options
+from mssegment.cli.common import Console, console_options, output_option
 from mssegment.documents import STANDARD, write_bytes
 
 MODELS = ("auto", "affine", "homography", "translation", "factorization")
@@ -23,11 +23,11 @@ MODELS = ("auto", "affine", "homography", "translation", "factorization")
     help="The motion model that the configuration is for.",
 )
 @output_option
-@voice_options
-def command(model: str, output: str | None, voice: Voice) -> None:
+@console_options
+def command(model: str, output: str | None, console: Console) -> None:
     """Write a commented config.yaml with every key, its default and what it means."""
     from mssegment.configuration.template import template
 
     write_bytes(output or STANDARD, template(model).encode())
     if output not in (None, STANDARD):
-        voice.note(f"{output} written; put your pictures into input.images, then `mssegment run`")
+        console.note(f"{output} written; put your pictures into input.images, then `mssegment run`")

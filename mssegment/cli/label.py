@@ -5,7 +5,7 @@ from __future__ import annotations
 import click
 
 from mssegment.cli import COMMANDS
-from mssegment.cli.common import Voice, settings_options, voice_options
+from mssegment.cli.common import Console, console_options, settings_options
 from mssegment.configuration import Setting, resolve
 from mssegment.errors import UsageError
 
@@ -32,9 +32,9 @@ KEYS = ("input.start", "input.stop", "input.step")
     show_default=True,
     help="Port on this machine; 0 takes any free one.",
 )
-@voice_options
+@console_options
 def command(
-    images: tuple[str, ...], settings: list[Setting], out: str, port: int, voice: Voice
+    images: tuple[str, ...], settings: list[Setting], out: str, port: int, console: Console
 ) -> None:
     """Label motions by hand: draw polygons over the frames in a local page.
 
@@ -44,7 +44,7 @@ def command(
     if not images:
         raise UsageError("no pictures given; name pictures, a folder, a glob or a video")
     from mssegment.imaging.frames import open_frames
-    from mssegment.rendering.labelling import serve
+    from mssegment.labelling import serve
 
     read = resolve(settings).input
     source = open_frames(images, read.start, read.stop, read.step, at_least=1)
@@ -55,8 +55,8 @@ def command(
             out,
             port=port,
             ready=lambda url: click.echo(f"{url}  (Ctrl-C ends)"),
-            saved=lambda names: voice.note(f"{', '.join(names)} saved in {out}"),
+            saved=lambda names: console.note(f"{', '.join(names)} saved in {out}"),
         )
     except KeyboardInterrupt:
         # Ctrl-C is how one leaves the page, so it is no interruption
-        voice.note(f"the masks are in {out}: mssegment report ... --labels '{out}/mask-*.png'")
+        console.note(f"the masks are in {out}: mssegment report ... --labels '{out}/mask-*.png'")

@@ -8,12 +8,12 @@ import click
 
 from mssegment.cli import COMMANDS
 from mssegment.cli.common import (
-    Voice,
+    Console,
+    console_options,
     document_argument,
     output_option,
     read_argument,
     settings_options,
-    voice_options,
 )
 from mssegment.configuration import Setting, resolve
 from mssegment.documents import CornersDocument
@@ -28,8 +28,8 @@ KEYS = ("match.method", "match.min_length")
 @document_argument("corners")
 @settings_options(*KEYS)
 @output_option
-@voice_options
-def command(document: str, settings: list[Setting], output: str | None, voice: Voice) -> None:
+@console_options
+def command(document: str, settings: list[Setting], output: str | None, console: Console) -> None:
     """Match corners between two views, or follow them through a sequence.
 
     Reads a corners document and the pictures it names, writes a tracks document.
@@ -39,6 +39,6 @@ def command(document: str, settings: list[Setting], output: str | None, voice: V
     start = time.perf_counter()
     from mssegment import pipeline
 
-    with voice.working("match"):
+    with console.working("match"):
         tracks = pipeline.match(corners, configuration)
-    voice.deliver(tracks, output, start)
+    console.deliver(tracks, output, start)

@@ -8,14 +8,14 @@ import click
 
 from mssegment.cli import COMMANDS
 from mssegment.cli.common import (
-    Voice,
+    Console,
     chosen_format,
+    console_options,
     document_argument,
     format_option,
     put,
     read_argument,
     settings_options,
-    voice_options,
 )
 from mssegment.configuration import Setting, resolve
 from mssegment.documents import SegmentationDocument
@@ -41,7 +41,7 @@ KEYS = (
 @click.option("--force", is_flag=True, help="Write into a folder that exists.")
 @format_option
 @click.option("--show", is_flag=True, help="Show the picture in the terminal, where it can.")
-@voice_options
+@console_options
 def command(
     document: str,
     settings: list[Setting],
@@ -49,7 +49,7 @@ def command(
     force: bool,
     form: str | None,
     show: bool,
-    voice: Voice,
+    console: Console,
 ) -> None:
     """Show a segmentation: the paper's tables, annotated pictures, a page.
 
@@ -65,9 +65,9 @@ def command(
     with nullcontext() if out is None else claimed_folder(out, force):
         results = Results.of(segmentation, configuration)
         if out is not None:
-            with voice.working("report"):
+            with console.working("report"):
                 written = results.write(out)
-            voice.note(f"{', '.join(written)} in {out}")
+            console.note(f"{', '.join(written)} in {out}")
     if show:
         results.show()
-    put(format_report(results.report, chosen_format(form, voice)))
+    put(format_report(results.report, chosen_format(form, console)))

@@ -73,7 +73,7 @@ class Results(Record, frozen=True):
         settings = configuration.report
         truth = None
         if settings.labels:
-            from mssegment.truth import true_labels
+            from mssegment.ground_truth import true_labels
 
             truth = true_labels(
                 settings.labels, document.tracks, document.frames, settings.label_radius

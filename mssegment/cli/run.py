@@ -10,12 +10,12 @@ import click
 
 from mssegment.cli import COMMANDS
 from mssegment.cli.common import (
-    Voice,
+    Console,
     chosen_format,
+    console_options,
     format_option,
     put,
     settings_options,
-    voice_options,
 )
 from mssegment.cli.sentences import describe
 from mssegment.configuration import (
@@ -57,7 +57,7 @@ _TRACK_FILES = (".csv", ".mat", ".json")
 )
 @click.option("--profile", is_flag=True, help="Show time, share and peak memory of every stage.")
 @format_option
-@voice_options
+@console_options
 def command(
     inputs: tuple[str, ...],
     settings: list[Setting],
@@ -67,7 +67,7 @@ def command(
     threads: int,
     profile: bool,
     form: str | None,
-    voice: Voice,
+    console: Console,
 ) -> None:
     """Run all stages and write everything into one folder.
 
@@ -78,7 +78,7 @@ def command(
     configuration = _configuration(inputs, settings, assignments)
     tracks = _tracks(configuration)
     if configuration.report.labels:
-        from mssegment.truth import check_labels
+        from mssegment.ground_truth import check_labels
 
         check_labels(configuration.report.labels)
     from mssegment.cli.results import Results, claimed_folder
@@ -86,26 +86,26 @@ def command(
     with claimed_folder(out, force):
         from mssegment import pipeline
 
-        with voice.working("read") as progress:
+        with console.working("read") as progress:
 
             def on_stage(name: str, document: Document | None, timings: Timings) -> None:
                 if document is None:
                     progress(name)
                 else:
-                    voice.stage(name, describe(document), timings.seconds[name])
-                    voice.details(document)
+                    console.stage(name, describe(document), timings.seconds[name])
+                    console.details(document)
 
             result = pipeline.run(configuration, tracks, threads=threads, on_stage=on_stage)
             progress("report")
             with result.timings.stage("report"):
                 results = Results.of(result.segmentation, configuration, result.source)
                 names = _write(result, results, out)
-        _finish(result.timings, names, out, voice)
+        _finish(result.timings, names, out, console)
     if profile:
         print(_profile(result.timings), file=sys.stderr)
     from mssegment.rendering.tables import format_report
 
-    put(format_report(results.report, chosen_format(form, voice)))
+    put(format_report(results.report, chosen_format(form, console)))
 
 
 def _configuration(
@@ -154,7 +154,7 @@ def _write(result: pipeline.Result, results: Results, out: str) -> list[str]:
     return results.write(out)
 
 
-def _finish(timings: Timings, names: list[str], out: str, voice: Voice) -> None:
+def _finish(timings: Timings, names: list[str], out: str, console: Console) -> None:
     """timings.json, and the line that says where everything is."""
     import msgspec
 
@@ -165,7 +165,7 @@ def _finish(timings: Timings, names: list[str], out: str, voice: Voice) -> None:
         str(Path(out) / "timings.json"),
         msgspec.json.format(msgspec.json.encode(content), indent=1) + b"\n",
     )
-    voice.stage("report", f"{len(names)} files in {out}", timings.seconds["report"])
+    console.stage("report", f"{len(names)} files in {out}", timings.seconds["report"])
 
 
 def _profile(timings: Timings) -> str:

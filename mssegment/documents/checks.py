@@ -10,13 +10,13 @@ import numpy as np
 from mssegment.records import (
     LARGEST_COORDINATE,
     Camera,
-    Coordinates,
     Floats,
     Frame,
     HypothesisSet,
     Integers,
     Mode,
     Motion,
+    Normalization,
     Tracks,
 )
 
@@ -74,23 +74,23 @@ def check_sets(sets: list[HypothesisSet], tracks: Tracks, frames: int) -> None:
         if not np.isfinite(chosen.points).all():
             raise ValueError(f"{name}.points holds null, every hypothesis needs all its numbers")
         check_reach(chosen.points, f"{name}.points")
-        _check_coordinates(chosen.coordinates, len(chosen.frames), f"{name}.coordinates")
+        _check_normalization(chosen.normalization, len(chosen.frames), f"{name}.coordinates")
 
 
-def _check_coordinates(coordinates: Coordinates, frames: int, name: str) -> None:
-    check_shape(coordinates.centres, (frames, 2), f"{name}.centres")
-    if not np.isfinite(coordinates.centres).all():
+def _check_normalization(normalization: Normalization, frames: int, name: str) -> None:
+    check_shape(normalization.centres, (frames, 2), f"{name}.centres")
+    if not np.isfinite(normalization.centres).all():
         raise ValueError(f"{name}.centres holds null")
-    check_reach(coordinates.centres, f"{name}.centres")
-    for field, value in (("scale", coordinates.scale), ("aspect", coordinates.aspect)):
+    check_reach(normalization.centres, f"{name}.centres")
+    for field, value in (("scale", normalization.scale), ("aspect", normalization.aspect)):
         if not 0 < value <= LARGEST_COORDINATE:
             raise ValueError(
                 f"{name}.{field} is {value:g}, above 0 and at most {LARGEST_COORDINATE:g} was "
                 "expected"
             )
-    if coordinates.rotation is not None:
-        check_shape(coordinates.rotation, (3, 3), f"{name}.rotation")
-        turn = coordinates.rotation
+    if normalization.rotation is not None:
+        check_shape(normalization.rotation, (3, 3), f"{name}.rotation")
+        turn = normalization.rotation
         if not np.allclose(turn @ turn.T, np.eye(3), atol=1e-6):
             raise ValueError(f"{name}.rotation is no rotation")
 
@@ -130,8 +130,8 @@ def check_motions(motions: tuple[Motion, ...], tracks: int, sets: int) -> None:
         name = f"motions[{i}]"
         if motion.label != i + 1:
             raise ValueError(f"{name}.label is {motion.label}, {i + 1} was expected")
-        if not 0 <= motion.set < sets:
-            raise ValueError(f"{name}.set is {motion.set}, but there are {sets} sets")
+        if not 0 <= motion.set_index < sets:
+            raise ValueError(f"{name}.set_index is {motion.set_index}, but there are {sets} sets")
         check_shape(motion.inliers, (None,), f"{name}.inliers")
         check_indices(motion.inliers, tracks, f"{name}.inliers", "tracks")
         if not np.isfinite(motion.parameters).all():
@@ -142,8 +142,8 @@ def check_modes(modes: tuple[Mode, ...], motions: int, sets: int) -> None:
     """Raises ValueError where a mode names a set or a motion that is not there."""
     for i, mode in enumerate(modes):
         name = f"modes[{i}]"
-        if not 0 <= mode.set < sets:
-            raise ValueError(f"{name}.set is {mode.set}, but there are {sets} sets")
+        if not 0 <= mode.set_index < sets:
+            raise ValueError(f"{name}.set_index is {mode.set_index}, but there are {sets} sets")
         if not 0 <= mode.motion <= motions:
             raise ValueError(f"{name}.motion is {mode.motion}, but there are {motions} motions")
         if not np.isfinite(mode.point).all():

@@ -5,22 +5,22 @@ from __future__ import annotations
 import re
 
 from mssegment.errors import ConfigurationError
-from mssegment.manifolds.affine_group import AffineGroup
-from mssegment.manifolds.base import Array, Cloud, Manifold, View
+from mssegment.manifolds.affine import AffineGroup
+from mssegment.manifolds.base import Array, KernelBlock, Manifold, PreparedPoints
 from mssegment.manifolds.euclidean import Euclidean
 from mssegment.manifolds.grassmann import Grassmann
 from mssegment.manifolds.matrix_group import MatrixGroup
-from mssegment.manifolds.rigid_plane import RigidPlane
-from mssegment.manifolds.rigid_space import RigidSpace
-from mssegment.manifolds.special_linear import SpecialLinear
+from mssegment.manifolds.se2 import SE2
+from mssegment.manifolds.se3 import SE3
+from mssegment.manifolds.sl3 import SL3
 
 REGISTRY: dict[str, type[Manifold]] = {
     "euclidean": Euclidean,
     "grassmann": Grassmann,
     "affine": AffineGroup,
-    "special_linear": SpecialLinear,
-    "special_euclidean(2)": RigidPlane,
-    "special_euclidean(3)": RigidSpace,
+    "special_linear": SL3,
+    "special_euclidean(2)": SE2,
+    "special_euclidean(3)": SE3,
 }
 """The families of manifolds by name, or by name and first argument where each has its own class.
 
@@ -45,16 +45,16 @@ def from_name(name: str) -> Manifold:
 
 __all__ = [
     "REGISTRY",
+    "SE2",
+    "SE3",
+    "SL3",
     "AffineGroup",
     "Array",
-    "Cloud",
     "Euclidean",
     "Grassmann",
+    "KernelBlock",
     "Manifold",
     "MatrixGroup",
-    "RigidPlane",
-    "RigidSpace",
-    "SpecialLinear",
-    "View",
+    "PreparedPoints",
     "from_name",
 ]

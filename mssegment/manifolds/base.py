@@ -2,9 +2,11 @@
 
 A new manifold is one file with one subclass of :class:`Manifold` and one line in
 ``manifolds.REGISTRY``. Points and tangents are numpy arrays with any leading batch axes; tangents
-have the shape of points. Mean shift itself looks only at a :class:`Cloud`: the hypotheses, fixed,
-seen from where the trajectories stand. The default cloud is made from ``log``; a manifold that
-knows better (one matrix product, a closed-form logarithm) brings its own.
+have the shape of points. Mean shift itself looks only at
+:class:`PreparedPoints`: the hypotheses, which stay where they are, prepared once for all
+iterations, and a :class:`KernelBlock` of them for a block of trajectories. The default is made
+from ``log``; a manifold that knows better (one matrix product, a closed-form logarithm) brings its
+own.
 """
 
 from __future__ import annotations
@@ -31,14 +33,15 @@ FEWEST_ROWS = 8
 """Rows of a block below which a matrix product is no faster than one row at a time."""
 
 
-class View(ABC):
-    """The n points of a cloud as seen from m places on the manifold.
+class KernelBlock(ABC):
+    """Distances and pulls between a block of m places and the n prepared points.
 
-    ``z`` [m, n] are the squared distances over the squared bandwidth, the argument of the kernel
-    profile k(z) in (7); infinite where there is no logarithm. Whoever asks may overwrite it.
+    ``scaled_sq_dist`` [m, n] are the squared distances over the squared bandwidth, the argument z
+    of the kernel profile k(z) in (7); infinite where there is no logarithm. The caller may
+    overwrite them.
     """
 
-    z: Array
+    scaled_sq_dist: Array
 
     @abstractmethod
     def weighted_sum(self, weights: Array) -> tuple[Floats, Floats]:
@@ -48,7 +51,7 @@ class View(ABC):
         """
 
 
-class Cloud(ABC):
+class PreparedPoints(ABC):
     """n fixed points of a manifold, prepared once for being seen from many places.
 
     ``rows`` is how many places to look from at a time so that the work stays in the cache.
@@ -60,12 +63,12 @@ class Cloud(ABC):
     rows: int
 
     @abstractmethod
-    def seen_from(self, x: Floats) -> View:
-        """The view from the places ``x`` [m, ...]."""
+    def block(self, x: Floats) -> KernelBlock:
+        """Distances and pulls from the places ``x`` [m, ...]."""
 
     def nearest(self, x: Floats, count: int) -> Array:
         """The z of the ``count`` + 1 points nearest to each of ``x``, the last one last, [m, k]."""
-        z = self.seen_from(x).z
+        z = self.block(x).scaled_sq_dist
         z.partition(count, axis=1)
         return z[:, : count + 1]
 
@@ -84,7 +87,7 @@ class Manifold(ABC):
     dist_is_geodesic: bool = True
     """The distance is the length of the logarithm, (2)."""
     exact_gradient: bool = True
-    """``attraction`` is exactly -1/2 grad d^2, so that a mean shift step climbs the density."""
+    """``neg_half_grad_sq_dist`` is exact, so that a mean shift step climbs the density."""
     left_invariant: bool = False
     """Points are matrices of a group, and d(g x, g y) = d(x, y)."""
     basis_free: bool = False
@@ -111,8 +114,8 @@ class Manifold(ABC):
         """The shape of the array that holds one point."""
 
     @property
-    def numbers_in_cloud(self) -> int:
-        """How many numbers a cloud keeps for each of its points, roughly."""
+    def numbers_per_prepared_point(self) -> int:
+        """How many numbers are kept for each prepared point, roughly."""
         return 2 * int(np.prod(self.point_shape)) + 2
 
     @abstractmethod
@@ -140,7 +143,7 @@ class Manifold(ABC):
         """``size`` random points, spread over the manifold (or over its middle, if unbounded)."""
 
     @abstractmethod
-    def deviation(self, x: Floats) -> Floats:
+    def constraint_violation(self, x: Floats) -> Floats:
         """How far each array ``x`` [..., *point_shape] is from being a point (0: it is one)."""
 
     def random_tangent(self, x: Floats, rng: np.random.Generator) -> Floats:
@@ -158,23 +161,23 @@ class Manifold(ABC):
         length = self.norm(x, self.log(x, y))
         return np.where(np.isnan(length), np.inf, length)
 
-    def attraction(self, x: Floats, y: Floats) -> Floats:
+    def neg_half_grad_sq_dist(self, x: Floats, y: Floats) -> Floats:
         """-1/2 grad d^2(x, y), the pull of ``y`` on ``x`` in (9); zero where d is infinite."""
         return np.nan_to_num(self.log(x, y), nan=0.0)
 
-    def cloud(
+    def prepare(
         self, y: Floats, bandwidth: float = 1.0, precise: bool = True, reach: float = np.inf
-    ) -> Cloud:
+    ) -> PreparedPoints:
         """The points ``y`` [n, ...], prepared for mean shift.
 
         Unless ``precise``, single precision is good enough. Points further than ``reach``
         bandwidths may be left out: their z may be infinite, and then their weight must be 0.
         """
-        return LogCloud(self, y, bandwidth)
+        return LogPreparedPoints(self, y, bandwidth)
 
     def pairwise_dist2(self, x: Floats, y: Floats) -> Floats:
         """Squared distances [m, n] between the points ``x`` [m, ...] and ``y`` [n, ...]."""
-        z = self.cloud(y).seen_from(x).z
+        z = self.prepare(y).block(x).scaled_sq_dist
         return np.maximum(z, 0.0).astype(np.float64)
 
     def mean_tangent(self, x: Floats, y: Floats, w: Floats) -> Floats:
@@ -182,7 +185,7 @@ class Manifold(ABC):
 
         ``w`` [m, n] are the weights g(d^2 / h^2); a row of zeros gives the zero tangent.
         """
-        summed, total = self.cloud(y).seen_from(x).weighted_sum(np.asarray(w, dtype=np.float64))
+        summed, total = self.prepare(y).block(x).weighted_sum(np.asarray(w, dtype=np.float64))
         return _per_point(1.0 / np.where(total > 0, total, 1.0), self) * summed
 
     def check_point(self, x: Floats, tolerance: float = 1e-6) -> None:
@@ -193,7 +196,7 @@ class Manifold(ABC):
         finite = np.isfinite(x).reshape(-1, int(np.prod(shape))).all(axis=1)
         if not finite.all():
             raise DataError(f"point {int(np.argmin(finite))} of {self.name} is not finite")
-        off = np.ravel(self.deviation(np.asarray(x, dtype=np.float64)))
+        off = np.ravel(self.constraint_violation(np.asarray(x, dtype=np.float64)))
         wrong = ~(off <= tolerance)
         if wrong.any():
             i = int(np.argmax(wrong))
@@ -203,8 +206,8 @@ class Manifold(ABC):
         return f"<manifold {self.name}>"
 
 
-class LogCloud(Cloud):
-    """The default cloud of a manifold that knows only its logarithm."""
+class LogPreparedPoints(PreparedPoints):
+    """The default for a manifold that knows only its logarithm."""
 
     def __init__(self, manifold: Manifold, y: Floats, bandwidth: float) -> None:
         self.manifold, self.y, self.bandwidth = manifold, y, bandwidth
@@ -212,16 +215,16 @@ class LogCloud(Cloud):
         numbers = max(1, self.size * int(np.prod(manifold.point_shape)))
         self.rows = max(1, CACHE_NUMBERS // numbers)
 
-    def seen_from(self, x: Floats) -> View:
-        """The view from ``x`` [m, ...]."""
-        return _LogView(self, x)
+    def block(self, x: Floats) -> KernelBlock:
+        """Distances and pulls from ``x`` [m, ...]."""
+        return _LogBlock(self, x)
 
 
-class _LogView(View):
-    def __init__(self, cloud: LogCloud, x: Floats) -> None:
-        at, to = x[:, None], cloud.y[None]
-        self.z = (cloud.manifold.dist(at, to) / cloud.bandwidth) ** 2
-        self._pull = cloud.manifold.attraction(at, to)
+class _LogBlock(KernelBlock):
+    def __init__(self, prepared: LogPreparedPoints, x: Floats) -> None:
+        at, to = x[:, None], prepared.y[None]
+        self.scaled_sq_dist = (prepared.manifold.dist(at, to) / prepared.bandwidth) ** 2
+        self._pull = prepared.manifold.neg_half_grad_sq_dist(at, to)
 
     def weighted_sum(self, weights: Array) -> tuple[Floats, Floats]:
         double = weights.astype(np.float64)

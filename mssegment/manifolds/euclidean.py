@@ -8,11 +8,11 @@ from mssegment.manifolds.base import (
     CACHE_NUMBERS,
     FEWEST_ROWS,
     Array,
-    Cloud,
-    LogCloud,
+    KernelBlock,
+    LogPreparedPoints,
     Manifold,
     Precision,
-    View,
+    PreparedPoints,
     integers,
     precision,
 )
@@ -71,22 +71,22 @@ class Euclidean(Manifold):
         """Standard normal points."""
         return rng.standard_normal((size, self.n))
 
-    def deviation(self, x: Floats) -> Floats:
+    def constraint_violation(self, x: Floats) -> Floats:
         """Zero: every array is a point."""
         return np.zeros(np.shape(x)[:-1])
 
-    def cloud(
+    def prepare(
         self, y: Floats, bandwidth: float = 1.0, precise: bool = True, reach: float = np.inf
-    ) -> Cloud:
+    ) -> PreparedPoints:
         """The points ``y``, centred and divided by the bandwidth."""
         spread = float(np.max(np.sum((y - y.mean(axis=0)) ** 2, axis=1))) if len(y) else 0.0
         dtype = precision(precise, spread, bandwidth)
         if dtype is None:
-            return LogCloud(self, y, bandwidth)
-        return _EuclideanCloud(self, y, bandwidth, dtype)
+            return LogPreparedPoints(self, y, bandwidth)
+        return _EuclideanPoints(self, y, bandwidth, dtype)
 
 
-class _EuclideanCloud(Cloud):
+class _EuclideanPoints(PreparedPoints):
     """|x - y|^2 = |x|^2 + |y|^2 - 2 x'y as one matrix product with two more columns.
 
     The points are centred first, so that little is lost to cancellation.
@@ -108,18 +108,20 @@ class _EuclideanCloud(Cloud):
     def _unit(self, x: Floats) -> Floats:
         return np.asarray((x - self.centre) / self.bandwidth)
 
-    def seen_from(self, x: Floats) -> View:
-        return _EuclideanView(self, self._unit(x))
+    def block(self, x: Floats) -> KernelBlock:
+        return _EuclideanBlock(self, self._unit(x))
 
 
-class _EuclideanView(View):
-    def __init__(self, cloud: _EuclideanCloud, unit: Floats) -> None:
-        self._cloud, self._unit = cloud, unit
+class _EuclideanBlock(KernelBlock):
+    def __init__(self, prepared: _EuclideanPoints, unit: Floats) -> None:
+        self._prepared, self._unit = prepared, unit
         norms = np.sum(unit * unit, axis=1, keepdims=True)
-        rows = np.concatenate([unit, norms, np.ones_like(norms)], axis=1).astype(cloud.dtype)
-        self.z = np.maximum(rows @ cloud.columns, 0)
+        rows = np.concatenate([unit, norms, np.ones_like(norms)], axis=1).astype(prepared.dtype)
+        self.scaled_sq_dist = np.maximum(rows @ prepared.columns, 0)
 
     def weighted_sum(self, weights: Array) -> tuple[Floats, Floats]:
-        sums = (weights.astype(self._cloud.dtype, copy=False) @ self._cloud.points).astype(float)
+        sums = (weights.astype(self._prepared.dtype, copy=False) @ self._prepared.points).astype(
+            float
+        )
         total = sums[:, -1]
-        return self._cloud.bandwidth * (sums[:, :-1] - self._unit * total[:, None]), total
+        return self._prepared.bandwidth * (sums[:, :-1] - self._unit * total[:, None]), total

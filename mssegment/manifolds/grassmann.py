@@ -17,11 +17,11 @@ from mssegment.manifolds.base import (
     CACHE_NUMBERS,
     FEWEST_ROWS,
     Array,
-    Cloud,
-    LogCloud,
+    KernelBlock,
+    LogPreparedPoints,
     Manifold,
     Precision,
-    View,
+    PreparedPoints,
     integers,
     precision,
 )
@@ -64,7 +64,7 @@ class Grassmann(Manifold):
         return (self.n, self.k)
 
     @property
-    def numbers_in_cloud(self) -> int:
+    def numbers_per_prepared_point(self) -> int:
         """Two copies of the upper triangle of the projector."""
         return self.n * (self.n + 1)
 
@@ -112,7 +112,7 @@ class Grassmann(Manifold):
         """The gradient (11), (I - xx') f_x, of a function with the Jacobian ``f_x`` at ``x``."""
         return _off(x, f_x)
 
-    def attraction(self, x: Floats, y: Floats) -> Floats:
+    def neg_half_grad_sq_dist(self, x: Floats, y: Floats) -> Floats:
         """(I - xx') y y' x: -1/2 grad d^2.
 
         Equation (13) drops the factor 2 of the derivative of a square; that makes (14) the true
@@ -133,18 +133,18 @@ class Grassmann(Manifold):
         """Uniformly distributed subspaces."""
         return np.linalg.qr(rng.standard_normal((size, self.n, self.k)))[0]
 
-    def deviation(self, x: Floats) -> Floats:
+    def constraint_violation(self, x: Floats) -> Floats:
         """The largest entry of |x'x - I|."""
         return np.asarray(np.max(np.abs(_t(x) @ x - np.eye(self.k)), axis=(-2, -1)))
 
-    def cloud(
+    def prepare(
         self, y: Floats, bandwidth: float = 1.0, precise: bool = True, reach: float = np.inf
-    ) -> Cloud:
+    ) -> PreparedPoints:
         """The points ``y`` as projectors, in which d^2 is a dot product."""
         dtype = precision(precise, self.k, bandwidth)
         if dtype is None:
-            return LogCloud(self, y, bandwidth)
-        return _ProjectorCloud(self, y, bandwidth, dtype)
+            return LogPreparedPoints(self, y, bandwidth)
+        return _ProjectorPoints(self, y, bandwidth, dtype)
 
 
 @lru_cache(maxsize=16)
@@ -156,7 +156,7 @@ def _triangle(n: int) -> tuple[Integers, Integers, Integers]:
     return above[0] * n + above[1], np.diag(place), place.ravel()
 
 
-class _ProjectorCloud(Cloud):
+class _ProjectorPoints(PreparedPoints):
     """Every point as the upper triangle of yy'.
 
     Then tr(x'yy'x) is a dot product, off the diagonal counted twice: all z of a block are one
@@ -195,19 +195,19 @@ class _ProjectorCloud(Cloud):
         square = flat.astype(np.float64).take(self.place, axis=1)
         return square.reshape(len(flat), self.n, self.n)
 
-    def seen_from(self, x: Floats) -> View:
-        return _ProjectorView(self, x)
+    def block(self, x: Floats) -> KernelBlock:
+        return _ProjectorBlock(self, x)
 
 
-class _ProjectorView(View):
-    def __init__(self, cloud: _ProjectorCloud, x: Floats) -> None:
-        self._cloud, self._x = cloud, x
-        self.z = cloud.embed(x) @ cloud.columns
+class _ProjectorBlock(KernelBlock):
+    def __init__(self, prepared: _ProjectorPoints, x: Floats) -> None:
+        self._prepared, self._x = prepared, x
+        self.scaled_sq_dist = prepared.embed(x) @ prepared.columns
 
     def weighted_sum(self, weights: Array) -> tuple[Floats, Floats]:
-        cloud = self._cloud
-        sums = cloud.unfold(weights.astype(cloud.dtype, copy=False) @ cloud.projectors)
-        total = np.einsum("mii->m", sums) / cloud.k  # tr yy' = k
+        prepared = self._prepared
+        sums = prepared.unfold(weights.astype(prepared.dtype, copy=False) @ prepared.projectors)
+        total = np.einsum("mii->m", sums) / prepared.k  # tr yy' = k
         return _off(self._x, sums @ self._x), total
 
 

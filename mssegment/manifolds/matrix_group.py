@@ -15,7 +15,14 @@ from typing import ClassVar
 import numpy as np
 
 from mssegment.errors import ConfigurationError
-from mssegment.manifolds.base import CACHE_NUMBERS, Array, Cloud, Manifold, View, precision
+from mssegment.manifolds.base import (
+    CACHE_NUMBERS,
+    Array,
+    KernelBlock,
+    Manifold,
+    PreparedPoints,
+    precision,
+)
 from mssegment.manifolds.matrices import bernoulli, exponential, inverse, length2, solve
 from mssegment.records import Floats, Integers
 
@@ -111,7 +118,7 @@ class MatrixGroup(Manifold):
         """Equation (20), |log x^-1 y|_F; infinite where there is no real logarithm."""
         return np.sqrt(length2(self.algebra_log(self._first(solve(x, y))))).astype(np.float64)
 
-    def attraction(self, x: Floats, y: Floats) -> Floats:
+    def neg_half_grad_sq_dist(self, x: Floats, y: Floats) -> Floats:
         """Equation (21), log_x(y), or the exact -1/2 grad d^2; zero where d is infinite."""
         pull = self.pull_of(self.algebra_log(self._first(solve(x, y))))
         return np.asarray(x @ self._last(np.nan_to_num(pull, nan=0.0)))
@@ -157,14 +164,14 @@ class MatrixGroup(Manifold):
         lengths = rng.uniform(0.1, 1.5, (size, 1, 1))
         return self.exp(e, lengths * self.random_tangent(e, rng))
 
-    def cloud(
+    def prepare(
         self, y: Floats, bandwidth: float = 1.0, precise: bool = True, reach: float = np.inf
-    ) -> Cloud:
+    ) -> PreparedPoints:
         """The points ``y``, entry by entry; logarithms only for pairs that can be within reach."""
-        return _GroupCloud(self, y, bandwidth, precise, reach)
+        return _GroupPoints(self, y, bandwidth, precise, reach)
 
 
-class _GroupCloud(Cloud):
+class _GroupPoints(PreparedPoints):
     """All a = x^-1 y of a block are one matrix product, all a^-1 another; then few logarithms.
 
     sinh |log a|_F >= |a - a^-1|_F / 2, so that pairs out of reach need none.
@@ -218,11 +225,11 @@ class _GroupCloud(Cloud):
             start += self.size
         return self.group.algebra_log(some, self.reach)
 
-    def seen_from(self, x: Floats) -> View:
-        return _GroupView(self, x)
+    def block(self, x: Floats) -> KernelBlock:
+        return _GroupBlock(self, x)
 
     def nearest(self, x: Floats, count: int) -> Array:
-        """As ``Cloud.nearest``: logarithms only of pairs that can be so near.
+        """As ``PreparedPoints.nearest``: logarithms only of pairs that can be so near.
 
         Those are the first when all pairs are ordered by their hyperbolic sine, with some to spare;
         the next one must be beyond what was found.
@@ -244,26 +251,26 @@ class _GroupCloud(Cloud):
         return z
 
 
-class _GroupView(View):
-    def __init__(self, cloud: _GroupCloud, x: Floats) -> None:
-        self._cloud, self._x = cloud, x
-        ratio = cloud.ratios(x)
+class _GroupBlock(KernelBlock):
+    def __init__(self, prepared: _GroupPoints, x: Floats) -> None:
+        self._prepared, self._x = prepared, x
+        ratio = prepared.ratios(x)
         self._pairs = self._within_reach(ratio)
         if self._pairs is None:
             whole = np.ascontiguousarray(np.moveaxis(ratio, 2, 1))
-            self._log = cloud.group.algebra_log(whole, cloud.reach)
-            self.z = self._squares() / cloud.bandwidth**2
+            self._log = prepared.group.algebra_log(whole, prepared.reach)
+            self.scaled_sq_dist = self._squares() / prepared.bandwidth**2
         else:
-            self._log = cloud.logs_at(ratio, self._pairs)
-            self.z = np.full((len(x), cloud.size), np.inf, dtype=cloud.dtype)
-            self.z.ravel()[self._pairs] = self._squares() / cloud.bandwidth**2
+            self._log = prepared.logs_at(ratio, self._pairs)
+            self.scaled_sq_dist = np.full((len(x), prepared.size), np.inf, dtype=prepared.dtype)
+            self.scaled_sq_dist.ravel()[self._pairs] = self._squares() / prepared.bandwidth**2
 
     def _within_reach(self, ratio: Array) -> Integers | None:
         """The pairs that may be within reach, or None where leaving out the others saves little."""
-        if self._cloud.reach > FARTHEST:
+        if self._prepared.reach > FARTHEST:
             return None
-        sinh2 = self._cloud.sinh2(self._x, ratio)
-        near = np.flatnonzero(sinh2 <= np.sinh(SLACK * self._cloud.reach) ** 2)
+        sinh2 = self._prepared.sinh2(self._x, ratio)
+        near = np.flatnonzero(sinh2 <= np.sinh(SLACK * self._prepared.reach) ** 2)
         return near if near.size < DENSE * sinh2.size else None
 
     def _squares(self) -> Array:
@@ -275,7 +282,7 @@ class _GroupView(View):
         return squares
 
     def weighted_sum(self, weights: Array) -> tuple[Floats, Floats]:
-        group = self._cloud.group
+        group = self._prepared.group
         pull = group.pull_of(self._log)
         if self._pairs is None:
             sums = np.einsum("mn,ijmn->ijm", weights, pull)

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
-from mssegment.manifolds import Cloud, Manifold
+from mssegment.manifolds import Manifold, PreparedPoints
 from mssegment.meanshift.kernels import Kernel
 from mssegment.records import Floats, Integers, State
 
@@ -49,7 +49,7 @@ Thin = Callable[["Ascent", Integers], Mask]
 
 
 def shift(
-    cloud: Cloud,
+    prepared: PreparedPoints,
     kernel: Kernel,
     x: Floats,
     own: Floats | None = None,
@@ -62,16 +62,16 @@ def shift(
     has one more point of its own in the sums (not in their number). A ``pool`` of threads shares
     the blocks, which do not depend on it: the same bytes come out with any number of threads.
     """
-    if len(x) <= cloud.rows:
-        return _shift_block(cloud, kernel, x, own)
+    if len(x) <= prepared.rows:
+        return _shift_block(prepared, kernel, x, own)
     step = np.empty(x.shape)
     density = np.empty(len(x))
 
     def fill(block: slice) -> None:
         mine = None if own is None else own[block]
-        step[block], density[block] = _shift_block(cloud, kernel, x[block], mine)
+        step[block], density[block] = _shift_block(prepared, kernel, x[block], mine)
 
-    blocks = [slice(start, start + cloud.rows) for start in range(0, len(x), cloud.rows)]
+    blocks = [slice(start, start + prepared.rows) for start in range(0, len(x), prepared.rows)]
     if pool is None or len(blocks) < FEWEST_BLOCKS:
         for block in blocks:
             fill(block)
@@ -81,20 +81,20 @@ def shift(
 
 
 def _shift_block(
-    cloud: Cloud, kernel: Kernel, x: Floats, own: Floats | None
+    prepared: PreparedPoints, kernel: Kernel, x: Floats, own: Floats | None
 ) -> tuple[Floats, Floats]:
     """``shift`` for places that fit the cache."""
-    view = cloud.seen_from(x)
-    weights, profile_sums = kernel.weigh(view.z)
-    summed, total = view.weighted_sum(weights)
+    block = prepared.block(x)
+    weights, profile_sums = kernel.weigh(block.scaled_sq_dist)
+    summed, total = block.weighted_sum(weights)
     profile = total if profile_sums is None else profile_sums
     if own is not None:
-        z = (cloud.manifold.dist(x, own) / cloud.bandwidth)[:, None] ** 2
+        z = (prepared.manifold.dist(x, own) / prepared.bandwidth)[:, None] ** 2
         profile = profile + kernel.profile(z)[:, 0]
         weight = kernel.weigh(z)[0][:, 0].astype(np.float64)
-        summed = summed + _scaled(weight, cloud.manifold.attraction(x, own))
+        summed = summed + _scaled(weight, prepared.manifold.neg_half_grad_sq_dist(x, own))
         total = total + weight
-    return _scaled(1.0 / np.where(total > 0, total, 1.0), summed), profile / cloud.size
+    return _scaled(1.0 / np.where(total > 0, total, 1.0), summed), profile / prepared.size
 
 
 class Ascent(State):
@@ -130,16 +130,16 @@ class Ascent(State):
                 return last
             last = further
 
-    def advance(self, front: Front, arrived: Mask) -> None:
-        """Note where the ``front`` is now, and which of it has ``arrived``."""
+    def advance(self, active: ActiveTrajectories, arrived: Mask) -> None:
+        """Note where the ``active`` is now, and which of it has ``arrived``."""
         self.iterations += 1
-        self.x[front.index], self.density[front.index] = front.x, front.density
-        self.converged[front.index] = arrived
+        self.x[active.index], self.density[active.index] = active.x, active.density
+        self.converged[active.index] = arrived
         if self.history is not None:
-            self.history.append((front.index, front.x))
+            self.history.append((active.index, active.x))
 
 
-class Front(State):
+class ActiveTrajectories(State):
     """The trajectories that still move, packed: one row each.
 
     ``index`` [m] says which of all they are, ``x`` where they stand, ``origin`` where the last step
@@ -156,7 +156,7 @@ class Front(State):
     stretch: Floats
 
     @classmethod
-    def from_starts(cls, starts: Floats) -> Front:
+    def from_starts(cls, starts: Floats) -> ActiveTrajectories:
         """All of the ``starts`` move."""
         n = len(starts)
         x = np.asarray(starts, dtype=np.float64)
@@ -217,7 +217,7 @@ class Front(State):
 
 def ascend(
     manifold: Manifold,
-    cloud: Cloud,
+    prepared: PreparedPoints,
     kernel: Kernel,
     starts: Floats,
     tolerance: float,
@@ -233,16 +233,19 @@ def ascend(
     ``thin`` says which trajectories go on by themselves. Ends early when at most ``until`` of them
     still move. With ``own`` each start counts as one of the points on its own way.
     """
-    ascent, front = Ascent.from_starts(starts, cloud.size, record), Front.from_starts(starts)
-    while front.index.size > until and ascent.iterations < max_iterations:
-        mine = starts[front.index] if own else None
-        step, density = shift(cloud, kernel, front.x, mine, pool)
-        length = manifold.norm(front.x, step) / cloud.bandwidth
-        arrived = front.go(manifold, step, density, length, tolerance)
-        ascent.advance(front, arrived)
-        front.keep(~arrived)
-        if thin is not None and front.index.size:
-            front.keep(thin(ascent, front.index))
+    ascent, active = (
+        Ascent.from_starts(starts, prepared.size, record),
+        ActiveTrajectories.from_starts(starts),
+    )
+    while active.index.size > until and ascent.iterations < max_iterations:
+        mine = starts[active.index] if own else None
+        step, density = shift(prepared, kernel, active.x, mine, pool)
+        length = manifold.norm(active.x, step) / prepared.bandwidth
+        arrived = active.go(manifold, step, density, length, tolerance)
+        ascent.advance(active, arrived)
+        active.keep(~arrived)
+        if thin is not None and active.index.size:
+            active.keep(thin(ascent, active.index))
     return ascent
 
 
@@ -258,10 +261,10 @@ def follow(manifold: Manifold, within: float, ascent: Ascent, moving: Integers) 
     ahead = ahead[np.argsort(-ascent.density[ahead], kind="stable")]
     rank = np.full(len(alone), len(ahead))
     rank[ahead] = np.arange(len(ahead))
-    cloud = manifold.cloud(ascent.x[ahead], within, precise=False, reach=1.0)
-    for start in range(0, len(moving), cloud.rows):
-        block = moving[start : start + cloud.rows]
-        near = cloud.seen_from(ascent.x[block]).z < 1.0
+    prepared = manifold.prepare(ascent.x[ahead], within, precise=False, reach=1.0)
+    for start in range(0, len(moving), prepared.rows):
+        block = moving[start : start + prepared.rows]
+        near = prepared.block(ascent.x[block]).scaled_sq_dist < 1.0
         near &= ascent.density[ahead] >= ascent.density[block, None]
         first = np.argmax(near, axis=1)
         joins = near[np.arange(len(block)), first] & (first < rank[block])

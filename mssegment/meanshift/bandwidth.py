@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from mssegment.manifolds import Cloud, Manifold
+from mssegment.manifolds import Manifold, PreparedPoints
 from mssegment.records import Floats
 from mssegment.special import median
 
@@ -30,21 +30,23 @@ def nearest_neighbour_bandwidth(
         return 1.0
     sample = points if n <= SAMPLE else points[rng.choice(n, SAMPLE, replace=False)]
     neighbour = min(max(1, round(fraction * n)), n - 1)
-    cloud = manifold.cloud(points)
-    blocks = [sample[start : start + cloud.rows] for start in range(0, len(sample), cloud.rows)]
-    nearest = np.concatenate([cloud.nearest(block, neighbour)[:, -1] for block in blocks])
+    prepared = manifold.prepare(points)
+    blocks = [
+        sample[start : start + prepared.rows] for start in range(0, len(sample), prepared.rows)
+    ]
+    nearest = np.concatenate([prepared.nearest(block, neighbour)[:, -1] for block in blocks])
     finite = nearest[np.isfinite(nearest)]
     usual = median(np.sqrt(np.maximum(finite, 0.0))) if finite.size else 0.0
     if usual <= np.sqrt(_ROUNDING):
-        usual = 0.5 * _closest(cloud, blocks)
+        usual = 0.5 * _closest(prepared, blocks)
     return constant * usual
 
 
-def _closest(cloud: Cloud, blocks: list[Floats]) -> float:
+def _closest(prepared: PreparedPoints, blocks: list[Floats]) -> float:
     """The smallest positive distance of one of the ``blocks``, 2 where there is none."""
     closest = np.inf
     for block in blocks:
-        z = cloud.seen_from(block).z
+        z = prepared.block(block).scaled_sq_dist
         closest = min(closest, float(z.min(initial=np.inf, where=z > _ROUNDING)))
     return float(np.sqrt(closest)) if np.isfinite(closest) else 2.0
 

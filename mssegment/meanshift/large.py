@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from mssegment.manifolds import Cloud
+from mssegment.manifolds import PreparedPoints
 from mssegment.meanshift.ascent import Ascent, Mask
 from mssegment.meanshift.search import ISOLATED, WAY_TOLERANCE, Found, Search
 from mssegment.records import Floats, Integers
@@ -31,14 +31,14 @@ class _Adoption:
 
     def __init__(self, search: Search, modes: Floats, count: int) -> None:
         within = ADOPT_WITHIN * search.bandwidth
-        self.cloud = search.manifold.cloud(modes, within, precise=False, reach=1.0)
+        self.prepare = search.manifold.prepare(modes, within, precise=False, reach=1.0)
         self.by = np.full(count, -1)
 
     def __call__(self, ascent: Ascent, moving: Integers) -> Mask:
         """Adopt what is near enough; returns what is not."""
-        for start in range(0, len(moving), self.cloud.rows):
-            block = moving[start : start + self.cloud.rows]
-            z = self.cloud.seen_from(ascent.x[block]).z
+        for start in range(0, len(moving), self.prepare.rows):
+            block = moving[start : start + self.prepare.rows]
+            z = self.prepare.block(ascent.x[block]).scaled_sq_dist
             nearest = np.argmin(z, axis=1)
             near = z[np.arange(len(block)), nearest] < 1.0
             self.by[block[near]] = nearest[near]
@@ -61,17 +61,17 @@ def find_by_sample(
     labels = np.full(len(points), -1)
     labels[sample] = number[found.labels]
     rest = np.setdiff1d(np.arange(len(points)), sample, assume_unique=True)
-    clouds = search.cloud(points[sample]), search.cloud(points[wider])
+    prepared = search.prepare(points[sample]), search.prepare(points[wider])
     chunk = max(1000, int(memory_mb * 1e6 / (COPIES * points[0].nbytes)))
     for start in range(0, len(rest), chunk):
         some = rest[start : start + chunk]
-        labels[some], new, of_new = _climb_on_sample(search, *clouds, points[some], modes)
+        labels[some], new, of_new = _climb_on_sample(search, *prepared, points[some], modes)
         modes, densities = np.concatenate([modes, new]), np.concatenate([densities, of_new])
     return _polish_large(search, points, Found(modes, densities, labels, found.way), memory_mb)
 
 
 def _climb_on_sample(
-    search: Search, sample: Cloud, wider: Cloud, starts: Floats, modes: Floats
+    search: Search, sample: PreparedPoints, wider: PreparedPoints, starts: Floats, modes: Floats
 ) -> tuple[Integers, Floats, Floats]:
     """The mode of each of ``starts``: an index into ``modes`` and the new ones, which follow.
 
@@ -99,7 +99,7 @@ def _polish_large(search: Search, points: Floats, found: Found, memory_mb: float
     """Climb from the large modes on all points (or as many as the memory has room for)."""
     counts = np.bincount(found.labels[found.labels >= 0], minlength=len(found.modes))
     large = counts >= LARGE * len(points)
-    room = int(memory_mb * 1e6 / (8 * search.manifold.numbers_in_cloud))
+    room = int(memory_mb * 1e6 / (8 * search.manifold.numbers_per_prepared_point))
     some = points if len(points) <= room else points[:: -(-len(points) // room)]
     x, density, joined = search.polish(some, found.modes[large])
     place = np.empty(len(counts), dtype=np.int64)

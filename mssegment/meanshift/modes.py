@@ -19,9 +19,11 @@ def merge(
     order = np.argsort(-density, kind="stable")
     ordered = x[order]
     joined = np.arange(len(x))
-    cloud = manifold.cloud(ordered, within, reach=1.0)
-    for start in range(0, len(x), cloud.rows):
-        rows, columns = np.nonzero(cloud.seen_from(ordered[start : start + cloud.rows]).z < 1.0)
+    prepared = manifold.prepare(ordered, within, reach=1.0)
+    for start in range(0, len(x), prepared.rows):
+        rows, columns = np.nonzero(
+            prepared.block(ordered[start : start + prepared.rows]).scaled_sq_dist < 1.0
+        )
         rows += start
         for i, j in zip(rows.tolist(), columns.tolist(), strict=True):
             if j < i and joined[j] == j and joined[i] == i:

@@ -28,12 +28,12 @@ def mean_shift_to_convergence(
 
     A trajectory ends when its shift is shorter than ``tolerance`` bandwidths.
     """
-    cloud = manifold.cloud(points, bandwidth)
+    prepared = manifold.prepare(points, bandwidth)
     x = np.array(points, dtype=np.float64)
     density = np.zeros(len(x))
     moving = np.arange(len(x))
     for _ in range(max_iterations):
-        step, density[moving] = shift(cloud, kernel, x[moving])
+        step, density[moving] = shift(prepared, kernel, x[moving])
         length = manifold.norm(x[moving], step)
         x[moving] = manifold.exp(x[moving], step)
         moving = moving[length > tolerance * bandwidth]

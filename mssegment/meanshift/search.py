@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mssegment.manifolds import Cloud, Manifold
+from mssegment.manifolds import Manifold, PreparedPoints
 from mssegment.meanshift.ascent import Ascent, Mask, Thin, ascend, follow
 from mssegment.meanshift.kernels import Kernel
 from mssegment.meanshift.modes import merge
@@ -50,23 +50,23 @@ class Search(Record, frozen=True):
     record: bool = False
     pool: Executor | None = None
 
-    def cloud(self, points: Floats, precise: bool = False) -> Cloud:
+    def prepare(self, points: Floats, precise: bool = False) -> PreparedPoints:
         """The ``points`` [n, ...] as what the density is made of."""
-        return self.manifold.cloud(points, self.bandwidth, precise, self.kernel.reach(precise))
+        return self.manifold.prepare(points, self.bandwidth, precise, self.kernel.reach(precise))
 
     def climb(
         self,
-        cloud: Cloud,
+        prepared: PreparedPoints,
         starts: Floats,
         tolerance: float,
         thin: Thin | None = None,
         record: bool = False,
         own: bool = False,
     ) -> Ascent:
-        """Move ``starts`` up the density of ``cloud``; with ``thin``, all but the stragglers."""
+        """Move ``starts`` up the density of ``prepared``; with ``thin``, all but the stragglers."""
         return ascend(
             self.manifold,
-            cloud,
+            prepared,
             self.kernel,
             starts,
             tolerance,
@@ -85,11 +85,11 @@ class Search(Record, frozen=True):
 
     def polish(self, points: Floats, x: Floats) -> tuple[Floats, Floats, Integers]:
         """The modes ``x`` in double precision, their densities, and which one each became."""
-        polished = self.climb(self.cloud(points, precise=True), x, MODE_TOLERANCE)
+        polished = self.climb(self.prepare(points, precise=True), x, MODE_TOLERANCE)
         return self.merge(polished.x, polished.density, self.merge_within)
 
     def leave_saddles(
-        self, cloud: Cloud, x: Floats, density: Floats, rng: np.random.Generator
+        self, prepared: PreparedPoints, x: Floats, density: Floats, rng: np.random.Generator
     ) -> tuple[Integers, Floats]:
         """Which of the ends ``x`` may be saddles, and where perturbed copies of those have gone.
 
@@ -97,7 +97,7 @@ class Search(Record, frozen=True):
         """
         push = PERTURBATION * self.bandwidth * self.manifold.random_tangent(x, rng)
         back = _ComeBack(self, x, density)
-        way = self.climb(cloud, self.manifold.exp(x, push), WAY_TOLERANCE, thin=back)
+        way = self.climb(prepared, self.manifold.exp(x, push), WAY_TOLERANCE, thin=back)
         away = np.flatnonzero(~back.returned)
         return away, way.x[away]
 
@@ -109,7 +109,7 @@ class Search(Record, frozen=True):
         An end whose copy arrives elsewhere was a saddle: it gives way to that.
         """
         both = np.concatenate([x, copies])
-        polished = self.climb(self.cloud(points, precise=True), both, MODE_TOLERANCE)
+        polished = self.climb(self.prepare(points, precise=True), both, MODE_TOLERANCE)
         last, place = np.arange(len(x)), len(x) + np.arange(len(of))
         apart = self.manifold.dist(polished.x[of], polished.x[place]) > 0.5 * self.bandwidth
         last[of[apart]] = place[apart]
@@ -122,15 +122,17 @@ class Search(Record, frozen=True):
         are merged, freed of saddles and polished in double precision, and merged again.
         """
         within = FOLLOW_WITHIN * self.bandwidth
-        nearby, cloud = partial(follow, self.manifold, within), self.cloud(points)
-        way = self.climb(cloud, points, WAY_TOLERANCE, thin=nearby, record=self.record)
+        nearby, prepared = partial(follow, self.manifold, within), self.prepare(points)
+        way = self.climb(prepared, points, WAY_TOLERANCE, thin=nearby, record=self.record)
         ends, place = np.unique(way.last_leader(), return_inverse=True)
         lonely = (way.density[ends] * len(points) < 1.0 + ISOLATED) & way.converged[ends]
         alone, social = ends[lonely], ends[~lonely]
         kept, first = merge(self.manifold, way.x[social], way.density[social], within)
         some = social[kept]
         stood = np.flatnonzero(way.converged[some])
-        away, copies = self.leave_saddles(cloud, way.x[some[stood]], way.density[some[stood]], rng)
+        away, copies = self.leave_saddles(
+            prepared, way.x[some[stood]], way.density[some[stood]], rng
+        )
         x, density, second = self.settle(points, way.x[some], copies, stood[away])
         mode_of_end = np.empty(len(ends), dtype=np.int64)
         mode_of_end[~lonely] = second[first]

@@ -85,9 +85,9 @@ class Report(Record, frozen=True, eq=False):
 
     def modes_of(self, label: int) -> list[Mode]:
         """The modes of a motion: those of the set it is a point of first, then strongest first."""
-        own = {motion.label: motion.set for motion in self.segmentation.motions}.get(label)
+        own = {motion.label: motion.set_index for motion in self.segmentation.motions}.get(label)
         modes = [mode for mode in self.segmentation.modes if mode.motion == label]
-        return sorted(modes, key=lambda mode: (mode.set != own, -mode.kde))
+        return sorted(modes, key=lambda mode: (mode.set_index != own, -mode.kde))
 
     def true_motion(self, label: int) -> int | None:
         """The true motion that a found one is matched with."""
@@ -148,11 +148,11 @@ def _residual_errors(
     true_label: int | None,
 ) -> tuple[float | None, float | None]:
     """Equation (23) for our motion and (24) for the least-squares motion of the true inliers."""
-    if true_label is None or motion.set >= len(sets):
+    if true_label is None or motion.set_index >= len(sets):
         return None, None
-    from mssegment.motions import MODELS, make
+    from mssegment.models import MODELS, make
 
-    chosen = sets[motion.set]
+    chosen = sets[motion.set_index]
     if motion.model not in MODELS:
         return None, None
     rank = motion.parameters.shape[-1] if motion.model == "factorization" else 3
@@ -163,14 +163,14 @@ def _residual_errors(
     inliers = np.flatnonzero((truth == true_label) & np.isfinite(points).all(axis=(1, 2)))
     if len(inliers) < model.subset_size:
         return None, None
-    observed = model.observe(points[inliers], chosen.coordinates)
+    observed = model.observe(points[inliers], chosen.normalization)
     everyone = np.full(len(inliers), true_label)
-    ours = model.algebraic_residuals(motion.parameters[None], observed, chosen.coordinates)[0]
+    ours = model.algebraic_residuals(motion.parameters[None], observed, chosen.normalization)[0]
     res = residual_errors(ours, everyone, true_label)
-    fitted, sound = model.algebraic_fit(observed, np.ones((1, len(inliers))))
-    if not sound[0]:
+    fitted, valid = model.algebraic_fit(observed, np.ones((1, len(inliers))))
+    if not valid[0]:
         return res, None
-    best = model.algebraic_residuals(fitted, observed, chosen.coordinates)[0]
+    best = model.algebraic_residuals(fitted, observed, chosen.normalization)[0]
     return res, residual_errors(best, everyone, true_label)
 
 
@@ -192,8 +192,10 @@ def report_json(report: Report) -> dict[str, Any]:
                 "hypotheses": int(mode.hypotheses),
                 "kde": _number(mode.kde),
                 "motion": int(mode.motion),
-                "set": int(mode.set),
-                "model": report.sets[mode.set].model if mode.set < len(report.sets) else None,
+                "set": int(mode.set_index),
+                "model": report.sets[mode.set_index].model
+                if mode.set_index < len(report.sets)
+                else None,
             }
             for mode in report.segmentation.modes
         ],

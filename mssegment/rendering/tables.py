@@ -70,7 +70,7 @@ def modes_table(report: Report, limit: int | None = None) -> Table:
             continue
         row = [f"M{i + 1}", str(mode.hypotheses), density(mode.kde)]
         row.append(str(mode.motion) if mode.motion else "-")
-        rows.append(tuple(row + ([str(mode.set + 1)] if several else [])))
+        rows.append(tuple(row + ([str(mode.set_index + 1)] if several else [])))
     return Table("Modes", tuple(header), tuple(rows))
 
 

@@ -9,11 +9,11 @@ import numpy as np
 
 from mssegment.errors import DataError, UsageError
 from mssegment.records import OUTLIER, Floats, HypothesisSet, Integers, Segmentation
-from mssegment.segmentation.dominance import dominance as dominant_modes
-from mssegment.segmentation.entry import segment_by_modes
+from mssegment.sampling.strategy import drawn_for_consensus, is_long
+from mssegment.segmentation.dominant_modes import dominance as dominant_modes
 from mssegment.segmentation.mdl import mdl as shortest_description
+from mssegment.segmentation.mode_based import segment_by_modes
 from mssegment.segmentation.selection import Granularity, Selection
-from mssegment.segmentation.ways import drawn_for_consensus, is_long
 
 __all__ = ["SELECTIONS", "cluster"]
 
@@ -73,7 +73,7 @@ def cluster(
         )
     select = SELECTIONS[selection]
     if selection == "mdl" and is_long(sets):
-        from mssegment.segmentation.clouds import clouds as select
+        from mssegment.segmentation.mixture import mixture as select
     return segment_by_modes(
         points,
         sets,

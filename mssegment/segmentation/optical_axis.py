@@ -17,7 +17,7 @@ NEAR_AXIS = 15.0
 """Degrees from the optical axis within which a translation counts as along it."""
 
 
-def axis_notes(motions: Sequence[Motion]) -> tuple[str, ...]:
+def optical_axis_notes(motions: Sequence[Motion]) -> tuple[str, ...]:
     """A sentence for the user where translations lie along the optical axis."""
     axial = [
         motion.label

@@ -12,13 +12,13 @@ from typing import Literal
 
 import numpy as np
 
-from mssegment.motions import Flags, MotionModel
+from mssegment.models import Flags, MotionModel
 from mssegment.records import Floats, HypothesisSet, Integers, Mode, Record
 
 Granularity = Literal["object", "surface", "auto"]
 
 
-class View(Record, frozen=True):
+class ObservedSet(Record, frozen=True):
     """One set of hypotheses with the tracks as its model sees them: ``observed`` [P, F, 2]."""
 
     hypotheses: HypothesisSet
@@ -27,25 +27,25 @@ class View(Record, frozen=True):
 
     def residuals(self, points: Floats) -> Floats:
         """Residuals [B, P] in pixels of the tracks from the motions ``points`` [B, ...]."""
-        return self.model.residuals(points, self.observed, self.hypotheses.coordinates)
+        return self.model.residuals(points, self.observed, self.hypotheses.normalization)
 
     def fit(self, weights: Floats) -> tuple[Floats, Flags]:
         """Least-squares motions under the weights [B, P], and which are sound."""
         return self.model.fit(self.observed, weights)
 
 
-class Problem(Record, frozen=True):
+class SelectionProblem(Record, frozen=True):
     """The tracks to explain and the modes to explain them with.
 
-    ``points`` [P, F, 2] are the complete, eligible tracks in pixels; ``views`` belong to the sets;
-    ``modes`` are strongest first and name their set. ``motions`` is the number of motions, None
-    where it must be found, then at least ``min_motions``. ``assignments`` holds, per set, the mode
-    of each hypothesis (-1: none); ``tracks`` [P] are the numbers that the elemental subsets of the
-    hypotheses use for the tracks.
+    ``points`` [P, F, 2] are the complete, eligible tracks in pixels, ``observed_sets`` the sets of
+    hypotheses; ``modes``, strongest first, name their set. ``motions`` is the number of motions,
+    None where it must be found, then at least ``min_motions``. ``assignments`` holds, per set, the
+    mode of each hypothesis (-1: none); ``tracks`` [P] are the numbers that the elemental subsets of
+    the hypotheses use for the tracks.
     """
 
     points: Floats
-    views: tuple[View, ...]
+    observed_sets: tuple[ObservedSet, ...]
     modes: tuple[Mode, ...]
     motions: int | None
     min_motions: int
@@ -55,15 +55,15 @@ class Problem(Record, frozen=True):
     tracks: Integers
 
 
-class Chosen(Record, frozen=True):
-    """A motion that a selection found: its point on the manifold of set ``set`` and its inliers.
+class SelectedMotion(Record, frozen=True):
+    """A motion that a selection found: its point on the manifold of its set, and its inliers.
 
     ``mode`` is the index of the mode it grew from, ``scale`` the standard deviation of its
     residuals in pixels, ``cost_saved`` in nats where the selection reckons with it. A track may be
     an inlier of two motions: it goes to the one with the smaller residual.
     """
 
-    set: int
+    set_index: int
     point: Floats
     inliers: Flags
     mode: int | None
@@ -71,11 +71,11 @@ class Chosen(Record, frozen=True):
     cost_saved: float | None = None
 
 
-class Choice(Record, frozen=True):
+class SelectionResult(Record, frozen=True):
     """The motions that a selection found, and what the user should know about it."""
 
-    motions: tuple[Chosen, ...]
+    motions: tuple[SelectedMotion, ...]
     notes: tuple[str, ...] = ()
 
 
-Selection = Callable[[Problem], Choice]
+Selection = Callable[[SelectionProblem], SelectionResult]

@@ -10,7 +10,7 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 from mssegment.errors import UsageError
-from mssegment.imaging.matching import affine, flow, patches
+from mssegment.imaging.matching import affine, klt, patches
 from mssegment.imaging.pictures import Grey
 from mssegment.imaging.threads import threads_for
 from mssegment.records import Corners, Tracks
@@ -21,7 +21,7 @@ Matcher = Callable[..., Tracks]
 MATCHERS: dict[str, Matcher] = {
     "affine": affine.match,
     "patches": patches.match,
-    "flow": flow.match,
+    "flow": klt.match,
 }
 """Name (``match.method``) -> matcher."""
 

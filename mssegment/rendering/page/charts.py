@@ -28,7 +28,7 @@ def manifold_svg(report: Report, view: Projection) -> str:
         parts.append(f'<path class="path {label_class(label)}" d="{steps}"/>')
     points = half + 0.92 * half * view.points
     order = np.argsort(view.labels > 0, kind="stable")  # motions over the rest
-    model = report.sets[report.segmentation.modes[view.mode_indices[0]].set]
+    model = report.sets[report.segmentation.modes[view.mode_indices[0]].set_index]
     for i in order:
         if not np.isfinite(points[i]).all():
             continue

@@ -51,7 +51,7 @@ class Projection(Record, frozen=True):
 def project(report: Report, index: int) -> Projection | None:
     """The view of hypothesis set ``index``; None where there is nothing on its manifold to show."""
     chosen_set = report.sets[index]
-    modes = [i for i, mode in enumerate(report.segmentation.modes) if mode.set == index]
+    modes = [i for i, mode in enumerate(report.segmentation.modes) if mode.set_index == index]
     if not len(chosen_set.points) or not modes:
         return None
     manifold = from_name(chosen_set.manifold)
@@ -159,12 +159,12 @@ def _paths(
     bandwidths = report.segmentation.bandwidths
     if index >= len(bandwidths) or not 0 < bandwidths[index] < np.inf:
         return []
-    cloud, h = report.sets[index].points[chosen], bandwidths[index]
-    x = cloud[starts]
+    prepared, h = report.sets[index].points[chosen], bandwidths[index]
+    x = prepared[starts]
     steps = [x]
     for _ in range(STEPS):
-        weights = np.exp(-0.5 * manifold.pairwise_dist2(x, cloud) / h**2)
-        x = manifold.exp(x, manifold.mean_tangent(x, cloud, weights))
+        weights = np.exp(-0.5 * manifold.pairwise_dist2(x, prepared) / h**2)
+        x = manifold.exp(x, manifold.mean_tangent(x, prepared, weights))
         steps.append(x)
     return list(np.stack(steps, axis=1))
 

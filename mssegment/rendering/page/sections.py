@@ -90,7 +90,7 @@ def modes_html(report: Report) -> str:
         )
         cells = [str(mode.hypotheses), density(mode.kde), bar]
         cells.append(_motion_word(mode.motion))
-        cells += [str(mode.set + 1)] if len(report.sets) > 1 else []
+        cells += [str(mode.set_index + 1)] if len(report.sets) > 1 else []
         rows.append(_row(f"M{i + 1}", cells))
     header = ["mode", "hypotheses", "kernel density", "", "became"]
     header += ["set"] if len(report.sets) > 1 else []
@@ -126,7 +126,7 @@ def _decision(report: Report) -> str:
 
 def manifolds_html(report: Report) -> str:
     """The view of each hypothesis set, at most ``MOST_SETS`` of them, strongest mode first."""
-    order = list(dict.fromkeys(mode.set for mode in report.segmentation.modes))
+    order = list(dict.fromkeys(mode.set_index for mode in report.segmentation.modes))
     views = [(i, project(report, i)) for i in order[:MOST_SETS] if i < len(report.sets)]
     figures = [
         f"<figure>{manifold_svg(report, view)}"

@@ -5,12 +5,10 @@
 """
 
 from mssegment.segmentation.consensus.clustering import Consensus, cluster_by_consensus
-from mssegment.segmentation.consensus.drawing import draw_consensus_sets
 from mssegment.segmentation.consensus.segment import segment_by_consensus
 
 __all__ = [
     "Consensus",
     "cluster_by_consensus",
-    "draw_consensus_sets",
     "segment_by_consensus",
 ]

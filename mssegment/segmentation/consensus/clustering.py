@@ -7,25 +7,25 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 
 from mssegment.errors import DataError
-from mssegment.motions import Flags
+from mssegment.models import Flags
+from mssegment.models.evidence import EVIDENCE
 from mssegment.records import NOT_JUDGED, OUTLIER, Floats, HypothesisSet, Integers, Record
-from mssegment.segmentation.consensus.bodies import Bodies
-from mssegment.segmentation.consensus.comembership import (
-    CoMembership,
-    CoMemberships,
-    residuals_of,
-)
-from mssegment.segmentation.consensus.cuts import Cuts
-from mssegment.segmentation.consensus.evidence import EVIDENCE
-from mssegment.segmentation.consensus.objects import Objects
-from mssegment.segmentation.consensus.outliers import (
+from mssegment.sampling.observed import residuals_of
+from mssegment.sampling.validation import (
     Misfit,
     first_test,
     misfit_limit,
-    second_test,
     spared,
     two_frame_misfit,
 )
+from mssegment.segmentation.consensus.average_linkage import AverageLinkage
+from mssegment.segmentation.consensus.coassociation import (
+    Coassociation,
+    Coassociations,
+)
+from mssegment.segmentation.consensus.model_order import PartitionSearch
+from mssegment.segmentation.consensus.normalized_cuts import NormalizedCuts
+from mssegment.segmentation.consensus.outliers import second_test
 
 MOST_MOTIONS = 8
 """The most motions that are looked for where nobody says how many there are."""
@@ -73,12 +73,12 @@ def cluster_by_consensus(
     most = motions if motions else max(least, max_motions)
     if any(entry.model == "affine" for entry in usable):
         return _objects(own, usable, chosen, (least, motions or len(points)))
-    misfits, memberships = Misfit(own), CoMemberships(len(points))
+    misfits, coassociations = Misfit(own), Coassociations(len(points))
     for entry in _of_the_highest_rank(usable):
         seen, squared = residuals_of(own, entry)
         misfits.add(entry, seen, squared)
-        memberships.add(entry, seen, squared)
-    misfit, kinds = misfits.pixels(), memberships.kinds
+        coassociations.add(entry, seen, squared)
+    misfit, kinds = misfits.pixels(), coassociations.kinds
     labels = np.full(len(points), OUTLIER, dtype=np.int64)
     unseen = np.isnan(misfit)
     labels[chosen[unseen[chosen]]] = NOT_JUDGED
@@ -103,7 +103,7 @@ def _objects(
     points: Floats, sets: Sequence[HypothesisSet], chosen: Integers, bounds: tuple[int, int]
 ) -> Consensus:
     """The outcome before a static camera; ``bounds`` are the least and the most motions."""
-    found = Objects(points, sets)
+    found = AverageLinkage(points, sets)
     labels = np.full(len(points), OUTLIER, dtype=np.int64)
     labels[chosen[~found.seen[chosen]]] = NOT_JUDGED
     labels[found.seen] = found.labels(*bounds)
@@ -112,7 +112,7 @@ def _objects(
 
 def _group_complete(
     points: Floats,
-    kinds: Mapping[str, CoMembership],
+    kinds: Mapping[str, Coassociation],
     tracks: Integers,
     bounds: tuple[int, int],
     rng: np.random.Generator,
@@ -121,12 +121,12 @@ def _group_complete(
     complete = tracks[np.isfinite(points[tracks]).all(axis=(1, 2))]
     most = bounds[1]
 
-    def bodies(chosen: Integers) -> Bodies:
+    def partition_search(chosen: Integers) -> PartitionSearch:
         block = np.ix_(chosen, chosen)
         agreements = {name: np.asarray(kind.mean[block], float) for name, kind in kinds.items()}
-        return Bodies(points[chosen], agreements, most, rng)
+        return PartitionSearch(points[chosen], agreements, most, rng)
 
-    complete, labels = _without_cliques(complete, bodies, bounds, SMALLEST_SHARE)
+    complete, labels = _without_cliques(complete, partition_search, bounds, SMALLEST_SHARE)
     partial = np.setdiff1d(tracks, np.flatnonzero(np.isfinite(points).all(axis=(1, 2))))
     joined = _join(kinds["flat"], partial, complete, labels)
     return np.concatenate([complete, partial]), np.concatenate([labels, joined])
@@ -134,27 +134,27 @@ def _group_complete(
 
 def _group_incomplete(
     points: Floats,
-    kinds: Mapping[str, CoMembership],
+    kinds: Mapping[str, Coassociation],
     tracks: Integers,
     bounds: tuple[int, int],
     rng: np.random.Generator,
 ) -> tuple[Integers, Integers]:
     """Tracks and their labels, by normalised cuts."""
 
-    def cuts(chosen: Integers) -> Cuts:
+    def normalized_cuts(chosen: Integers) -> NormalizedCuts:
         block = np.ix_(chosen, chosen)
         own = {
-            name: CoMembership(kind.agreement[block], kind.shared[block])
+            name: Coassociation(kind.agreement[block], kind.shared[block])
             for name, kind in kinds.items()
         }
-        return Cuts(points[chosen], own, bounds[1], rng)
+        return NormalizedCuts(points[chosen], own, bounds[1], rng)
 
-    return _without_cliques(tracks, cuts, bounds, 0.0)
+    return _without_cliques(tracks, normalized_cuts, bounds, 0.0)
 
 
 def _without_cliques(
     tracks: Integers,
-    partitions: Callable[[Integers], Bodies | Cuts],
+    partitions: Callable[[Integers], PartitionSearch | NormalizedCuts],
     bounds: tuple[int, int],
     share: float,
 ) -> tuple[Integers, Integers]:
@@ -170,7 +170,7 @@ def _without_cliques(
         tracks = tracks[~small]
 
 
-def _join(kind: CoMembership, partial: Integers, complete: Integers, labels: Integers) -> Integers:
+def _join(kind: Coassociation, partial: Integers, complete: Integers, labels: Integers) -> Integers:
     """Labels of the tracks ``partial``: the group they agree with most; NOT_JUDGED without any."""
     if not len(partial):
         return np.zeros(0, dtype=np.int64)

@@ -12,12 +12,11 @@ from typing import Literal
 
 import numpy as np
 
-from mssegment import manifolds
-from mssegment import motions as models
+from mssegment import manifolds, models
 from mssegment.manifolds import Manifold
 from mssegment.meanshift import kernel_named, nearest_neighbour_bandwidth
 from mssegment.meanshift.ascent import shift
-from mssegment.motions import MotionModel
+from mssegment.models import MotionModel
 from mssegment.records import (
     OUTLIER,
     Floats,
@@ -27,9 +26,13 @@ from mssegment.records import (
     Motion,
     Segmentation,
 )
+from mssegment.sampling.observed import observe
 from mssegment.segmentation.consensus.clustering import cluster_by_consensus
-from mssegment.segmentation.consensus.comembership import observe
-from mssegment.segmentation.consensus.joining import joined, sets_among, tracks_to_group
+from mssegment.segmentation.consensus.label_propagation import (
+    propagate_labels,
+    sets_among,
+    tracks_to_group,
+)
 
 MODE_NOTE = (
     "consensus: a mode is where mean shift arrives from its motion, its hypotheses are those made "
@@ -107,7 +110,7 @@ def _labels(
     labels[grouped] = found.labels
     others = judged & ~grouped
     if others.any():
-        labels[others] = joined(own, among, found.labels, found.misfit, points[others])
+        labels[others] = propagate_labels(own, among, found.labels, found.misfit, points[others])
     return labels, found.notes
 
 
@@ -118,8 +121,8 @@ def _seen(points: Floats, entry: HypothesisSet) -> np.ndarray[tuple[int], np.dty
 def _of_the_lowest_rank(fits: Sequence[tuple[Motion, Floats]]) -> tuple[Motion, Floats]:
     """The fit of the lowest rank that explains a group nearly as well as the best does."""
     least = min(motion.rms for motion, _ in fits)
-    sound = [fit for fit in fits if fit[0].rms <= PLANAR * least]
-    return min(sound, key=lambda fit: fit[0].parameters.shape[-1])
+    valid = [fit for fit in fits if fit[0].rms <= PLANAR * least]
+    return min(valid, key=lambda fit: fit[0].parameters.shape[-1])
 
 
 def _sets_of(
@@ -154,18 +157,18 @@ def _motion(
     own = labels[tracks] == label
     weights = np.ones(int(own.sum()))
     for _ in range(REWEIGHTINGS):
-        fitted, sound = model.fit(observed[own], weights[None])
-        residual = model.residuals(fitted, observed[own], entry.coordinates)[0]
+        fitted, valid = model.fit(observed[own], weights[None])
+        residual = model.residuals(fitted, observed[own], entry.normalization)[0]
         finite = np.where(np.isfinite(residual), residual, 1e9)
         weights = (1 + (finite / (2 * np.median(finite) + 1e-12)) ** 2) ** -2.0
     everywhere = np.full(len(points), np.nan)
-    if sound[0]:
-        everywhere[tracks] = model.residuals(fitted, observed, entry.coordinates)[0]
+    if valid[0]:
+        everywhere[tracks] = model.residuals(fitted, observed, entry.normalization)[0]
     mine = everywhere[tracks[own]]
     rms = float(np.sqrt(np.mean(mine**2))) if np.isfinite(mine).all() and len(mine) else 0.0
     motion = Motion(
         label=label,
-        set=place,
+        set_index=place,
         model=model.name,
         parameters=fitted[0],
         inliers=np.flatnonzero(labels == label),
@@ -191,9 +194,9 @@ def _modes(
     bandwidths = [0.0] * len(sets)
     places = [np.full(len(entry.points), -1, dtype=np.int64) for entry in sets]
     modes: list[Mode] = []
-    for place in sorted({motion.set for motion in motions}):
+    for place in sorted({motion.set_index for motion in motions}):
         entry = sets[place]
-        own = [motion for motion in motions if motion.set == place]
+        own = [motion for motion in motions if motion.set_index == place]
         manifold = manifolds.from_name(entry.manifold)
         sample = entry.points[rng.permutation(len(entry.points))[:MODE_SAMPLE]]
         bandwidths[place] = (
@@ -222,10 +225,10 @@ def climb(
     manifold: Manifold, points: Floats, starts: Floats, bandwidth: float, kernel: str
 ) -> tuple[Floats, Floats]:
     """Where mean shift (10) arrives from ``starts`` [m, ...], and the kernel density (7) there."""
-    cloud, shape = manifold.cloud(points, bandwidth), kernel_named(kernel)
+    prepared, shape = manifold.prepare(points, bandwidth), kernel_named(kernel)
     x = np.array(starts)
     for _ in range(MOST_STEPS):
-        step, density = shift(cloud, shape, x)
+        step, density = shift(prepared, shape, x)
         if (manifold.norm(x, step) <= TOLERANCE * bandwidth).all():
             break
         x = manifold.exp(x, step)

@@ -13,7 +13,7 @@ import numpy as np
 from mssegment.records import Floats, Integers, Record, replace
 from mssegment.segmentation.mdl.displacement import displacement_gains
 from mssegment.segmentation.mdl.likelihood import Noise
-from mssegment.segmentation.selection import View
+from mssegment.segmentation.selection import ObservedSet
 
 UNSOUND = 1e6
 """Pixels; stands for an infinite residual."""
@@ -24,13 +24,13 @@ SAME = 0.05
 
 
 class Candidates(Record, frozen=True):
-    """K motions: ``views`` [K] index the set, ``modes`` [K] the mode each grew from (-1: none).
+    """K motions: ``set_indices`` [K], and ``modes`` [K] that each grew from (-1: none).
 
     ``points`` are K points on their manifolds, ``scales`` [K] pixels, ``gains`` [K, P] what each
     saves on each track (nats), ``residuals`` [K, P] pixels, ``prices`` [K] nats.
     """
 
-    views: Integers
+    set_indices: Integers
     modes: Integers
     points: tuple[Floats, ...]
     scales: Floats
@@ -38,7 +38,7 @@ class Candidates(Record, frozen=True):
     gains: Floats
 
     def __len__(self) -> int:
-        return len(self.views)
+        return len(self.set_indices)
 
     @staticmethod
     def none(tracks: int) -> Candidates:
@@ -51,7 +51,7 @@ class Candidates(Record, frozen=True):
         i = np.asarray(index, dtype=np.int64)
         points = tuple(self.points[k] for k in i)
         return Candidates(
-            self.views[i],
+            self.set_indices[i],
             self.modes[i],
             points,
             self.scales[i],
@@ -63,7 +63,7 @@ class Candidates(Record, frozen=True):
 def join(parts: Sequence[Candidates]) -> Candidates:
     """All candidates of the ``parts``, in order."""
     return Candidates(
-        np.concatenate([p.views for p in parts]),
+        np.concatenate([p.set_indices for p in parts]),
         np.concatenate([p.modes for p in parts]),
         tuple(point for p in parts for point in p.points),
         np.concatenate([p.scales for p in parts]),
@@ -79,12 +79,12 @@ class Family(Record, frozen=True):
     """
 
     index: int
-    view: View
+    observed_set: ObservedSet
     noise: Noise
 
     def residuals(self, points: Floats) -> Floats:
         """Residuals [B, P] in pixels, finite."""
-        return np.fmin(self.view.residuals(points), UNSOUND)
+        return np.fmin(self.observed_set.residuals(points), UNSOUND)
 
     def measured(self) -> Family:
         """The same without parallax as noise: scales as small as measurements can have."""
@@ -117,13 +117,13 @@ class Family(Record, frozen=True):
         return made
 
     def _fitted(self, inliers: Floats, weights: Floats, modes: Integers) -> list[Candidates]:
-        enough = np.flatnonzero(inliers.sum(axis=1) > self.view.model.subset_size)
+        enough = np.flatnonzero(inliers.sum(axis=1) > self.observed_set.model.subset_size)
         if not enough.size:
             return []
-        points, sound = self.view.fit(weights[enough])
-        if not sound.any():
+        points, valid = self.observed_set.fit(weights[enough])
+        if not valid.any():
             return []
-        points, own = points[sound], enough[sound]
+        points, own = points[valid], enough[valid]
         inliers = inliers[own]
         residuals = self.residuals(points)
         scales = self.noise.scales(residuals, inliers)
@@ -132,8 +132,10 @@ class Family(Record, frozen=True):
     def gains(self, points: Floats, residuals: Floats, scales: Floats, inliers: Floats) -> Floats:
         """Nats that each motion saves on each track, [B, P], given its ``inliers`` [B, P]."""
         gains = self.noise.gains(residuals, scales)
-        view = self.view
-        moved = view.model.displacements(points, view.observed, view.hypotheses.coordinates)
+        observed_set = self.observed_set
+        moved = observed_set.model.displacements(
+            points, observed_set.observed, observed_set.hypotheses.normalization
+        )
         if moved is None:
             return gains
         return gains + displacement_gains(moved, inliers, self.noise)
@@ -163,7 +165,7 @@ class Family(Record, frozen=True):
 
 def from_modes(family: Family, points: Floats, modes: Integers) -> list[Candidates]:
     """The modes ``points`` [B, ...] grown from what they explain, at two scales."""
-    points = family.view.model.orientations(points)
+    points = family.observed_set.model.orientations(points)
     modes = np.resize(modes, len(points))
     residuals = family.residuals(points)
     made: list[Candidates] = []

@@ -16,8 +16,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from mssegment.hypotheses import nearest_neighbours, neighbour_space
 from mssegment.records import Integers, Record, replace
+from mssegment.sampling.neighbourhoods import nearest_neighbours, neighbour_space
 from mssegment.segmentation.mdl.candidates import Candidates, Family, from_modes, join
 from mssegment.segmentation.mdl.continuity import join_faces
 from mssegment.segmentation.mdl.description import Description
@@ -26,7 +26,7 @@ from mssegment.segmentation.mdl.labelling import NEIGHBOURS, Neighbourhood, neig
 from mssegment.segmentation.mdl.likelihood import Noise, uniform_cost
 from mssegment.segmentation.mdl.refinement import refit_once
 from mssegment.segmentation.mdl.search import improve, refitted, start
-from mssegment.segmentation.selection import Choice, Chosen, Problem
+from mssegment.segmentation.selection import SelectedMotion, SelectionProblem, SelectionResult
 
 TRUST = 0.5
 """How far the labels of walls are predicted by their neighbours', how far by frequency."""
@@ -54,7 +54,7 @@ class Recipe(Record, frozen=True):
 STANDARD = Recipe()
 
 
-def mdl(problem: Problem, recipe: Recipe = STANDARD) -> Choice:
+def mdl(problem: SelectionProblem, recipe: Recipe = STANDARD) -> SelectionResult:
     """The motions of the shortest description of the tracks of ``problem``.
 
     Sources: Rissanen, Modeling by shortest data description (1978) for the principle; Delong,
@@ -69,12 +69,12 @@ def mdl(problem: Problem, recipe: Recipe = STANDARD) -> Choice:
     found = motions_of(best, labels, description)
     if len(found) < description.fewest:
         notes.append(f"{description.fewest} motions were wanted, but the tracks hold {len(found)}")
-    if len(problem.views) > 1 and found:
+    if len(problem.observed_sets) > 1 and found:
         notes.append(models_chosen(problem, found))
-    return Choice(tuple(found), tuple(notes))
+    return SelectionResult(tuple(found), tuple(notes))
 
 
-def shortest(problem: Problem, recipe: Recipe) -> tuple[Candidates, Description]:
+def shortest(problem: SelectionProblem, recipe: Recipe) -> tuple[Candidates, Description]:
     """The motions that save most, before the labels are settled."""
     families = make_families(problem, recipe)
     pool = candidate_pool(problem, families)
@@ -85,7 +85,9 @@ def shortest(problem: Problem, recipe: Recipe) -> tuple[Candidates, Description]
     return improve(best, pool, description), description
 
 
-def with_granularity(problem: Problem, recipe: Recipe) -> tuple[Problem, list[str]]:
+def with_granularity(
+    problem: SelectionProblem, recipe: Recipe
+) -> tuple[SelectionProblem, list[str]]:
     """``problem`` with ``auto`` decided, and what to tell the user about it."""
     if problem.granularity != "auto":
         return problem, []
@@ -99,7 +101,7 @@ def with_granularity(problem: Problem, recipe: Recipe) -> tuple[Problem, list[st
     inliers = labels == np.arange(1, len(found) + 1)[:, None]
     scales = np.zeros(len(found))
     for k in range(len(found)):
-        noise = replace(description.families[int(found.views[k])].noise, floor=0.0)
+        noise = replace(description.families[int(found.set_indices[k])].noise, floor=0.0)
         scales[k] = noise.scales(found.residuals[[k]], inliers[[k]].astype(np.float64))[0]
     suggestion = suggest(scales, inliers.sum(axis=1), problem.points)
     word = "are" if suggestion == "surface" else "are not"
@@ -107,17 +109,19 @@ def with_granularity(problem: Problem, recipe: Recipe) -> tuple[Problem, list[st
     return replace(problem, granularity=suggestion), [note]
 
 
-def has_walls(problem: Problem) -> bool:
+def has_walls(problem: SelectionProblem) -> bool:
     """Whether motions may be those of planes seen in perspective, parts of something larger."""
-    return any(view.model.name == "homography" for view in problem.views)
+    return any(observed_set.model.name == "homography" for observed_set in problem.observed_sets)
 
 
-def describe_tracks(problem: Problem, families: Sequence[Family], recipe: Recipe) -> Description:
+def describe_tracks(
+    problem: SelectionProblem, families: Sequence[Family], recipe: Recipe
+) -> Description:
     """The description that ``problem`` asks for."""
     given = problem.motions
     exact = all(family.noise.free > 0 for family in families)
     # a body that turns a little misfits its translation smoothly
-    smooth = any(view.model.needs_camera for view in problem.views)
+    smooth = any(observed_set.model.needs_camera for observed_set in problem.observed_sets)
     apart = problem.granularity == "surface" or (exact and not smooth)
     nearest = nearest_neighbours(problem.points, NEIGHBOURS) if apart else None
     walls = has_walls(problem)
@@ -136,13 +140,13 @@ def describe_tracks(problem: Problem, families: Sequence[Family], recipe: Recipe
     )
 
 
-def make_families(problem: Problem, recipe: Recipe) -> list[Family]:
+def make_families(problem: SelectionProblem, recipe: Recipe) -> list[Family]:
     """The sets of ``problem`` with their noise."""
     outlier = uniform_cost(problem.points)
     families = []
-    for index, view in enumerate(problem.views):
-        model = view.model
-        free = model.free_extent(view.observed, view.hypotheses.coordinates)
+    for index, observed_set in enumerate(problem.observed_sets):
+        model = observed_set.model
+        free = model.free_extent(observed_set.observed, observed_set.hypotheses.normalization)
         predicts_points = free == 0
         floor, cap = scale_range(problem.points, predicts_points, model.needs_camera)
         noise = Noise(
@@ -155,15 +159,15 @@ def make_families(problem: Problem, recipe: Recipe) -> list[Family]:
             parallax_of(problem.points, problem.granularity, predicts_points),
             recipe.freedom,
         )
-        families.append(Family(index, view, noise))
+        families.append(Family(index, observed_set, noise))
     return families
 
 
-def candidate_pool(problem: Problem, families: Sequence[Family]) -> Candidates:
+def candidate_pool(problem: SelectionProblem, families: Sequence[Family]) -> Candidates:
     """All candidates: every mode of every set."""
     parts: list[Candidates] = []
     for family in families:
-        own = [i for i, mode in enumerate(problem.modes) if mode.set == family.index]
+        own = [i for i, mode in enumerate(problem.modes) if mode.set_index == family.index]
         if own:
             points = np.stack([problem.modes[i].point for i in own])
             parts += from_modes(family, points, np.array(own))
@@ -171,7 +175,7 @@ def candidate_pool(problem: Problem, families: Sequence[Family]) -> Candidates:
 
 
 def settle(
-    problem: Problem, chosen: Candidates, description: Description, neighbours: bool
+    problem: SelectionProblem, chosen: Candidates, description: Description, neighbours: bool
 ) -> tuple[Integers, Candidates]:
     """The final labels [P], each coded with its neighbours', and the motions fitted to them.
 
@@ -192,14 +196,16 @@ def settle(
     return labels, chosen
 
 
-def models_chosen(problem: Problem, found: Sequence[Chosen]) -> str:
+def models_chosen(problem: SelectionProblem, found: Sequence[SelectedMotion]) -> str:
     """Which model the description length chose for each motion, as a sentence."""
     ranked = sorted(found, key=lambda motion: -int(motion.inliers.sum()))
-    names = [problem.views[motion.set].model.name for motion in ranked]
+    names = [problem.observed_sets[motion.set_index].model.name for motion in ranked]
     return "models chosen: " + ", ".join(f"{n} {name}" for n, name in enumerate(names, start=1))
 
 
-def motions_of(chosen: Candidates, labels: Integers, description: Description) -> list[Chosen]:
+def motions_of(
+    chosen: Candidates, labels: Integers, description: Description
+) -> list[SelectedMotion]:
     """The motions as the rest of the house knows them."""
     total = description.worth(chosen)
     found = []
@@ -210,10 +216,10 @@ def motions_of(chosen: Candidates, labels: Integers, description: Description) -
         rest = chosen.take([j for j in range(len(chosen)) if j != k])
         explained = inliers & (chosen.gains[k] > 0)
         residuals = chosen.residuals[k][explained if explained.any() else inliers]
-        noise = description.families[int(chosen.views[k])].noise
+        noise = description.families[int(chosen.set_indices[k])].noise
         found.append(
-            Chosen(
-                set=int(chosen.views[k]),
+            SelectedMotion(
+                set_index=int(chosen.set_indices[k]),
                 point=chosen.points[k],
                 inliers=inliers,
                 mode=int(chosen.modes[k]),

@@ -17,7 +17,7 @@ from mssegment.neighbours import nearest_others
 from mssegment.records import Floats, Integers
 from mssegment.segmentation.mdl.candidates import Candidates, join
 from mssegment.segmentation.mdl.description import Description
-from mssegment.segmentation.selection import Problem
+from mssegment.segmentation.selection import SelectionProblem
 from mssegment.special import distinct, median
 
 NEIGHBOURS = 6
@@ -31,7 +31,7 @@ TOLERANCE = 2.5
 
 
 def join_faces(
-    problem: Problem, labels: Integers, chosen: Candidates, description: Description
+    problem: SelectionProblem, labels: Integers, chosen: Candidates, description: Description
 ) -> tuple[Integers, Candidates]:
     """The labels [P] and motions when the motions that are faces of one body are one.
 
@@ -58,7 +58,7 @@ def join_faces(
 
 
 def continuous(
-    problem: Problem, labels: Integers, chosen: Candidates, description: Description
+    problem: SelectionProblem, labels: Integers, chosen: Candidates, description: Description
 ) -> list[tuple[int, int]]:
     """The pairs of motions, indices into ``chosen``, that go over into each other."""
     kept = np.flatnonzero(labels > 0)
@@ -95,14 +95,14 @@ def _across(labels: Integers, near: Integers, a: int, b: int) -> tuple[Integers,
     return np.concatenate([row, near[back, other]]), np.concatenate([near[row, place], back])
 
 
-def _transferred(problem: Problem, chosen: Candidates, k: int, places: Floats) -> Floats:
+def _transferred(problem: SelectionProblem, chosen: Candidates, k: int, places: Floats) -> Floats:
     """Where motion ``k``, a 3 x 3 matrix, sends ``places`` [..., 2] of the first frame, pixels."""
-    coordinates = problem.views[int(chosen.views[k])].hypotheses.coordinates
-    matrix, scale = chosen.points[k], coordinates.scale
-    rays = np.append((places - coordinates.centres[0]) / scale, np.ones_like(places[..., :1]), -1)
+    normalization = problem.observed_sets[int(chosen.set_indices[k])].hypotheses.normalization
+    matrix, scale = chosen.points[k], normalization.scale
+    rays = np.append((places - normalization.centres[0]) / scale, np.ones_like(places[..., :1]), -1)
     image = rays @ matrix.T
     with np.errstate(divide="ignore", invalid="ignore"):
-        return np.asarray(scale * image[..., :2] / image[..., 2:] + coordinates.centres[1])
+        return np.asarray(scale * image[..., :2] / image[..., 2:] + normalization.centres[1])
 
 
 def _saving_most(tried: Candidates, tracks: Floats) -> Candidates:

@@ -11,7 +11,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from mssegment.motions import Flags
+from mssegment.models import Flags
 from mssegment.records import Floats, Integers, Record
 from mssegment.segmentation.mdl.candidates import Candidates, Family
 from mssegment.segmentation.mdl.labelling import (
@@ -82,7 +82,10 @@ class Description(Record, frozen=True):
         """Nats that the motions ``chosen`` save altogether; less than nothing where forbidden."""
         labels, value = self._labelled(chosen)
         count = np.bincount(labels, minlength=len(chosen) + 1)[1:]
-        least = [CONFIRMED * self.families[int(v)].view.model.subset_size for v in chosen.views]
+        least = [
+            CONFIRMED * self.families[int(v)].observed_set.model.subset_size
+            for v in chosen.set_indices
+        ]
         forbidden = float((count < least).sum())
         # a motion that wins no track is none, whatever the user asked for
         motions = int((count > 0).sum())
@@ -113,8 +116,8 @@ class Description(Record, frozen=True):
         As many parameters as the residual has dimensions shift the whole body, by up to the extent
         of the scene; the others change its shape and move its tracks by up to its own diameter.
         """
-        family = self.families[int(chosen.views[k])]
-        model, noise = family.view.model, family.noise
+        family = self.families[int(chosen.set_indices[k])]
+        model, noise = family.observed_set.model, family.noise
         body = self.places[inliers]
         size = 2 * float(np.linalg.norm(body - body.mean(axis=0))) / math.sqrt(len(body))
         precision = _precision(float(chosen.scales[k]), len(body))
@@ -131,7 +134,7 @@ class Description(Record, frozen=True):
         Each parameter lies within the root mean square distance that both motions move the tracks
         apart, on either side. This distance has no scale of its own (density 1 / distance).
         """
-        family = self.families[int(chosen.views[k])]
+        family = self.families[int(chosen.set_indices[k])]
         own, scale = chosen.residuals[k][inliers], float(chosen.scales[k])
         weights = family.noise.weights(own[None], np.array([scale]))[0]
         foreign = np.minimum(chosen.residuals[list(others)][:, inliers], FARTHEST)
@@ -141,7 +144,9 @@ class Description(Record, frozen=True):
         precision = _precision(scale, len(own))
         magnitude = math.log1p(max(family.noise.extent - precision, 0.0))
         deviation = max(distance - precision, 0.0) + math.log(2.0)
-        return family.view.model.parameters * deviation + magnitude + math.log(len(chosen) - 1)
+        return (
+            family.observed_set.model.parameters * deviation + magnitude + math.log(len(chosen) - 1)
+        )
 
 
 def _precision(scale: float, count: int) -> float:

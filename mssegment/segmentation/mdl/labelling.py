@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from mssegment.motions import Flags
+from mssegment.models import Flags
 from mssegment.neighbours import nearest, without
 from mssegment.records import Floats, Integers
 

@@ -47,13 +47,13 @@ def refit_once(families: Sequence[Family], current: Candidates, inliers: Floats)
     scales, residuals = current.scales.copy(), current.residuals.copy()
     gains = current.gains.copy()
     for family in families:
-        enough = inliers.sum(axis=1) > family.view.model.subset_size
-        own = np.flatnonzero(enough & (current.views == family.index))
+        enough = inliers.sum(axis=1) > family.observed_set.model.subset_size
+        own = np.flatnonzero(enough & (current.set_indices == family.index))
         if not len(own):
             continue
         weights = inliers[own] * family.noise.weights(residuals[own], scales[own])
-        fitted, sound = family.view.fit(weights)
-        good = np.flatnonzero(sound)
+        fitted, valid = family.observed_set.fit(weights)
+        good = np.flatnonzero(valid)
         new = family.residuals(fitted[good])
         k = own[good]
         scale = family.noise.scales(new, inliers[k], scales[k])
@@ -61,4 +61,4 @@ def refit_once(families: Sequence[Family], current: Candidates, inliers: Floats)
         gains[k] = family.gains(fitted[good], new, scale, inliers[k])
         for place, index in zip(good, k, strict=True):
             points[index] = fitted[place]
-    return Candidates(current.views, current.modes, tuple(points), scales, residuals, gains)
+    return Candidates(current.set_indices, current.modes, tuple(points), scales, residuals, gains)

@@ -14,7 +14,7 @@ from itertools import combinations_with_replacement
 
 import numpy as np
 
-from mssegment.motions import Flags
+from mssegment.models import Flags
 from mssegment.records import Floats, Integers
 from mssegment.segmentation.mdl.candidates import Candidates, join
 from mssegment.segmentation.mdl.description import Description
@@ -108,7 +108,7 @@ def restated_sets(chosen: Candidates, description: Description) -> list[Candidat
         own = (labels == j + 1).astype(np.float64)
         rest = chosen.take([k for k in range(len(chosen)) if k != j])
         for family in description.families:
-            if family.index != chosen.views[j]:
+            if family.index != chosen.set_indices[j]:
                 sets += [join([rest, one]) for one in family.fitted(own[None], chosen.modes[[j]])]
     return sets
 
@@ -121,11 +121,11 @@ def cut_sets(chosen: Candidates, description: Description) -> list[Candidates]:
     labels = description.labels(chosen)
     sets = []
     for i, j in combinations_with_replacement(range(len(chosen)), 2):
-        family = description.families[int(chosen.views[i])]
-        if family.noise.free <= 0 or chosen.views[j] != chosen.views[i]:
+        family = description.families[int(chosen.set_indices[i])]
+        if family.noise.free <= 0 or chosen.set_indices[j] != chosen.set_indices[i]:
             continue
         halves = cut((labels == i + 1) | (labels == j + 1), description.places)
-        if halves.sum(axis=1).min() <= family.view.model.subset_size:
+        if halves.sum(axis=1).min() <= family.observed_set.model.subset_size:
             continue
         rest = chosen.take([k for k in range(len(chosen)) if k not in (i, j)])
         for both in family.fitted(halves, chosen.modes[[i, j]]):
@@ -162,7 +162,7 @@ def leftovers(labels: Integers, description: Description) -> list[Candidates]:
     left = (labels == 0).astype(np.float64)[None]
     found = []
     for family in description.families:
-        if family.view.model.needs_camera:
+        if family.observed_set.model.needs_camera:
             found += family.fitted(left, np.array([-1]))
     return found
 
@@ -174,13 +174,13 @@ def addition(
 
     A motion fitted to two bodies is too wide to let one of them go by itself.
     """
-    family = description.families[int(new.views[0])]
+    family = description.families[int(new.set_indices[0])]
     taken = family.explained(new.residuals, new.scales)[0] > 0
     losses = np.bincount(labels[taken], minlength=len(chosen) + 1)[1:]
     if losses.any():
         j = int(losses.argmax())
         left = ((labels == j + 1) & ~taken).astype(np.float64)
-        loser = description.families[int(chosen.views[j])]
+        loser = description.families[int(chosen.set_indices[j])]
         for one in loser.fitted(left[None], chosen.modes[[j]]):
             return join([chosen.take([k for k in range(len(chosen)) if k != j]), new, one])
     return join([chosen, new])

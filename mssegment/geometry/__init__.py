@@ -1,0 +1,1 @@
+"""Formulas that several models need, each once, batched over leading axes."""

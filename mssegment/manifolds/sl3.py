@@ -1,0 +1,200 @@
+"""The special linear group SL(3): homographies of the plane, 3 x 3 matrices with determinant 1."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+import numpy.typing as npt
+
+from mssegment.manifolds.base import Array
+from mssegment.manifolds.matrices import gauss_legendre
+from mssegment.manifolds.matrix_group import MatrixGroup
+from mssegment.records import Floats
+
+NEAR = (4.0, 2.4)
+"""Bounds of |tr M + tr M^-1 - 6| / 2 and |tr M - tr M^-1| / 2. Up to them, where both traces are
+positive, no eigenvalue is real and negative, and the quadrature gives the logarithm at once."""
+BEYOND = 2.2
+"""Logarithms outside are longer than this."""
+MOST_ROOTS, MOST_STEPS = 40, 20
+
+
+_SHARES = (0.075, 0.25)
+_NODES = {np.dtype(np.float64): (5, 7, 12), np.dtype(np.float32): (2, 3, 5)}
+"""Enough up to these shares of the bounds, and up to them, for logarithms to 1e-13 and to 3e-6."""
+
+
+class SL3(MatrixGroup):
+    """SL(3), dimension 8."""
+
+    examples = ("special_linear(3)", "special_linear(3,exact)")
+    family = "special_linear"
+    order = 3
+    rows = 3
+    size = 3
+
+    @property
+    def dim(self) -> int:
+        """8."""
+        return 8
+
+    def algebra_log(self, m: Array, within: float = np.inf) -> Array:
+        """Equation (17) of ``m`` (3, 3, ...); NaN where no logarithm is real.
+
+        That is where an eigenvalue is zero, or real and negative. Matrices that are far from the
+        identity are brought near to it by repeated square roots.
+        """
+        flat = np.reshape(m, (3, 3, int(np.prod(np.shape(m)[2:]))))
+        with np.errstate(all="ignore"):
+            return _log(flat, within, MOST_ROOTS).reshape(np.shape(m))
+
+    def onto_algebra(self, v: Array) -> Array:
+        """``v`` without its trace."""
+        out = np.array(v)
+        _add_to_diagonal(out, (v[0, 0] + v[1, 1] + v[2, 2]) / -3.0)
+        return out
+
+    def project(self, x: Floats) -> Floats:
+        """``x`` divided by the cube root of its determinant."""
+        return np.asarray(x / np.cbrt(np.linalg.det(x))[..., None, None])
+
+    def constraint_violation(self, x: Floats) -> Floats:
+        """|det x - 1|."""
+        return np.asarray(np.abs(np.linalg.det(x) - 1.0))
+
+
+def _log(m: Array, within: float, roots: int) -> Array:
+    """The logarithms of ``m`` (3, 3, n) up to a length, by at most so many square ``roots``."""
+    inverse = _adjugate(m)
+    a, b = m[0, 0] + m[1, 1] + m[2, 2], inverse[0, 0] + inverse[1, 1] + inverse[2, 2]
+    even, odd = np.abs(0.5 * (a + b) - 3.0), np.abs(0.5 * (a - b))
+    near = (even < NEAR[0]) & (odd < NEAR[1]) & (a > 0) & (b > 0)
+    widest = max(
+        float(even.max(initial=0.0, where=near)) / NEAR[0],
+        float(odd.max(initial=0.0, where=near)) / NEAR[1],
+    )
+    level = sum(widest > share for share in _SHARES)
+    log = _log_near_identity(m, inverse, a, b, _NODES[m.dtype][level])
+    far = np.flatnonzero(~near)
+    if far.size:
+        log[:, :, far] = np.nan
+        far = far[_has_real_log(m[:, :, far])]
+        if within > BEYOND and far.size and roots:
+            root = _square_root(m[:, :, far])
+            log[:, :, far] = 2.0 * _log(root, 0.5 * within, roots - 1)
+    return log
+
+
+@cache
+def _nodes(count: int) -> list[tuple[float, float]]:
+    """Half the nodes of Gauss and Legendre on [-1, 1], (1 - t^2) / 2 and weight."""
+    whole = [(2.0 * t - 1.0, 2.0 * w) for t, w in gauss_legendre(2 * count)]
+    return [(0.5 * (1.0 - t * t), w) for t, w in whole if t > 0]
+
+
+def _adjugate(m: Array) -> Array:
+    """The inverses of ``m`` (3, 3, n), whose determinants are one."""
+    out = np.empty_like(m)
+    for i in range(3):
+        for j in range(3):
+            r, s, t, u = (i + 1) % 3, (i + 2) % 3, (j + 1) % 3, (j + 2) % 3
+            np.multiply(m[r, t], m[s, u], out=out[j, i])
+            out[j, i] -= m[r, u] * m[s, t]
+    return out
+
+
+def _add_to_diagonal(m: Array, numbers: Array) -> None:
+    for i in range(3):
+        m[i, i] += numbers
+
+
+def _product(a: Array, b: Array) -> Array:
+    out = np.empty(np.broadcast_shapes(a.shape, b.shape), dtype=np.result_type(a, b))
+    part = np.empty(out.shape[2:], dtype=out.dtype)
+    for i in range(3):
+        for j in range(3):
+            total = np.multiply(a[i, 0], b[0, j], out=out[i, j, ...])
+            total += np.multiply(a[i, 1], b[1, j], out=part)
+            total += np.multiply(a[i, 2], b[2, j], out=part)
+    return out
+
+
+def _invariants(m: Array) -> tuple[Array, Array, Array]:
+    """Trace, sum of the principal minors, determinant."""
+    a = m[1, 1] * m[2, 2] - m[1, 2] * m[2, 1]
+    b = m[1, 0] * m[2, 2] - m[1, 2] * m[2, 0]
+    c = m[1, 0] * m[2, 1] - m[1, 1] * m[2, 0]
+    minors = a + m[0, 0] * m[2, 2] - m[0, 2] * m[2, 0] + m[0, 0] * m[1, 1] - m[0, 1] * m[1, 0]
+    return m[0, 0] + m[1, 1] + m[2, 2], minors, m[0, 0] * a - m[0, 1] * b + m[0, 2] * c
+
+
+def _has_real_log(m: Array) -> npt.NDArray[np.bool_]:
+    """Whether no eigenvalue is real and <= 0.
+
+    -x is an eigenvalue when x^3 + a x^2 + b x + d = 0, with a the trace, b the sum of the principal
+    minors, d the determinant; for d > 0 the cubic has no root x > 0 unless its minimum is <= 0.
+    """
+    a, b, d = _invariants(m)
+    discriminant = a * a - 3.0 * b
+    x = (np.sqrt(np.maximum(discriminant, 0.0)) - a) / 3.0
+    dips = (discriminant >= 0) & (x > 0) & (((x + a) * x + b) * x + d <= 0)
+    return np.asarray(np.isfinite(a) & np.isfinite(b) & (d > 0) & ~dips)
+
+
+def _square_root(m: Array) -> Array:
+    """Principal square roots U, by Cayley and Hamilton a polynomial in M (Hoger and Carlson, 1984).
+
+    With r_i the roots of the eigenvalues, s = r1 + r2 + r3 is the largest root of
+    (s^2 - a)^2 = 4 b + 8 d s, where a, b, d^2 are the invariants of M: the others have two signs
+    changed. Newton's iteration comes down to it from above without a detour.
+    """
+    a, b, determinant = _invariants(m)
+    d = np.sqrt(determinant)
+    s = np.sqrt(3.0 * np.sqrt(3.0 * np.sum(m * m, axis=(0, 1)))).astype(m.dtype)
+    enough = 0.1 * float(np.sqrt(np.finfo(m.dtype).eps))
+    for _ in range(MOST_STEPS):
+        gap = s * s - a
+        fall = (gap * gap - 8.0 * d * s - 4.0 * b) / (4.0 * s * gap - 8.0 * d)
+        s -= fall
+        # the error that is left is of the order of the square of the last step
+        if not np.any(np.abs(fall) > enough * s):
+            break
+    q = 0.5 * (s * s - a)
+    over = 1.0 / (s * q - d)
+    root = (over * (s * s - q)) * m
+    root -= over * _product(m, m)
+    _add_to_diagonal(root, over * (s * d))
+    return np.asarray(root)
+
+
+def _log_near_identity(m: Array, inverse: Array, a: Array, b: Array, nodes: int) -> Array:
+    """log M from M, its ``inverse``, their traces ``a`` and ``b``, by a quadrature.
+
+    With sinh log M = (M - M^-1) / 2 and cosh log M = (M + M^-1) / 2 = I + E, log M is the integral
+    over t from 0 to 1 of sinh log M (I + (1 - t^2) E / 2)^-1 dt: even in log M, it needs half of
+    the nodes of one over M alone, in a wider region. By Cayley and Hamilton (M^2 = a M - b I +
+    M^-1) the integrand is p M - q M^-1 + r I, with p and q rational in the traces; r makes the
+    trace zero.
+    """
+    x, y = a - 1.0, b - 1.0
+    total, product = x + y, x * y
+    square = total * total
+    plain, own, other = np.zeros_like(a), np.zeros_like(a), np.zeros_like(a)
+    for u, w in _nodes(nodes):
+        v, rest = 0.5 * u, 1.0 - u
+        g = v * v / rest
+        over = (v * g) * square
+        over += v * total
+        over += (v * v - 2.0 * v * g) * product
+        over += rest
+        np.divide(0.5 * w, over, out=over)
+        plain += over
+        own += v * over
+        over *= 2.0 * g
+        other += over
+    p, q = plain + own * y + other * x, plain + own * x + other * y
+    log = p * m
+    log -= q * inverse
+    _add_to_diagonal(log, (q * b - p * a) / 3.0)
+    return log

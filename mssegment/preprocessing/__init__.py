@@ -1,0 +1,1 @@
+"""Before hypotheses are drawn: the static background, the rotation of the camera."""

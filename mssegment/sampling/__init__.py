@@ -1,0 +1,1 @@
+"""From tracks to hypotheses: elemental subsets, frame pairs, validation, and the strategy."""

@@ -1,0 +1,67 @@
+"""Tracks that fit the same hypotheses belong together: how often two tracks mark the same ones."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from mssegment.models.evidence import EVIDENCE
+from mssegment.records import Floats, HypothesisSet, Integers, Record
+
+Singles = npt.NDArray[np.float32]
+
+
+class Coassociation(Record, frozen=True):
+    """Agreement of every two tracks on the sets of one kind.
+
+    ``agreement`` [P, P] sums over the sets that both tracks are seen in, ``shared`` [P, P] counts
+    these sets.
+    """
+
+    agreement: Singles
+    shared: Singles
+
+    @property
+    def mean(self) -> Singles:
+        """The average over the sets that two tracks share, 0 where they share none."""
+        return np.asarray(self.agreement / np.maximum(self.shared, 1), dtype=np.float32)
+
+
+class Coassociations:
+    """Co-membership by kind of evidence, set after set."""
+
+    def __init__(self, total: int) -> None:
+        """For ``total`` tracks."""
+        self._total = total
+        self.kinds: dict[str, Coassociation] = {}
+
+    def add(self, entry: HypothesisSet, seen: Integers, squared: Floats) -> None:
+        """What ``residuals_of`` found: of a set a track marks the hypotheses that fit it best."""
+        marks = marks_of(entry, squared)
+        agreement = marks @ marks.T / marks[:1].sum()
+        if entry.model not in self.kinds:
+            zeros = np.zeros((self._total, self._total), dtype=np.float32)
+            self.kinds[entry.model] = Coassociation(zeros, zeros.copy())
+        kind = self.kinds[entry.model]
+        if len(seen) == self._total:
+            np.add(kind.agreement, agreement, out=kind.agreement)
+            np.add(kind.shared, np.float32(1), out=kind.shared)
+        else:
+            block = np.ix_(seen, seen)
+            kind.agreement[block] += agreement
+            kind.shared[block] += 1
+
+
+def marks_of(entry: HypothesisSet, squared: Floats) -> Singles:
+    """1 where a track marks a hypothesis of the set, else 0, [n, hypotheses] as ``squared``."""
+    share = EVIDENCE[entry.model].share
+    best = min(max(3, round(share * len(entry.points))), len(entry.points))
+    return mark_best(squared, best)
+
+
+def mark_best(squared: Floats, best: int) -> Singles:
+    """1 at the ``best`` smallest of each row of [n, hypotheses], else 0."""
+    marks = np.zeros(squared.shape, dtype=np.float32)
+    smallest = np.argpartition(squared, best - 1, axis=1)[:, :best]
+    np.put_along_axis(marks, smallest, np.float32(1), axis=1)
+    return marks

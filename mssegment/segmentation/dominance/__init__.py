@@ -1,5 +1,0 @@
-"""The paper's selection: modes that dominate, each with its inliers without a threshold."""
-
-from mssegment.segmentation.dominance.choice import dominance
-
-__all__ = ["dominance"]

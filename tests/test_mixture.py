@@ -1,0 +1,164 @@
+"""Long sequences by mean shift: modes start groups, a likelihood refines them."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from moving_bodies import rigid_bodies
+
+from mssegment.evaluation import misclassification
+from mssegment.records import OUTLIER
+from mssegment.sampling.pooled_ranks import draw_pooled_sets
+from mssegment.sampling.strategy import is_long
+from mssegment.segmentation import cluster
+from mssegment.segmentation.mixture.likelihood import Likelihood, membership
+from mssegment.segmentation.mixture.mode_votes import ModeVotes
+from mssegment.segmentation.mixture.search import partitions
+from mssegment.segmentation.mode_based import _observe
+from mssegment.segmentation.selection import SelectionProblem
+
+
+def sets_of(points: np.ndarray, rng: np.random.Generator, rank: int | str = "auto"):
+    everyone = np.ones(len(points), dtype=bool)
+    return draw_pooled_sets(
+        points, count=120, sampling="local", eligible=everyone, rank=rank, rng=rng
+    )
+
+
+@pytest.fixture(scope="module")
+def found():
+    points, labels = rigid_bodies(np.random.default_rng(5))
+    rng = np.random.default_rng(0)
+    sets = sets_of(points, rng)
+    return labels, sets, cluster(points, sets, method="meanshift", motions=3, rng=rng)
+
+
+def test_both_ranks_are_pooled(found) -> None:
+    _, sets, _ = found
+    assert [entry.points.shape[-1] for entry in sets] == [3, 4]
+    assert is_long(sets)
+
+
+def test_bodies_are_found(found) -> None:
+    labels, _, segmentation = found
+    assert misclassification(segmentation.labels, labels) <= 0.02
+    assert len(segmentation.motions) == 3
+
+
+def test_motions_name_modes_of_their_own(found) -> None:
+    _, _, segmentation = found
+    named = [(mode.set_index, mode.motion) for mode in segmentation.modes if mode.motion]
+    assert len(named) == len(set(named))
+    for motion in segmentation.motions:
+        assert motion.rms < 1.0
+        assert (segmentation.labels[motion.inliers] == motion.label).all()
+
+
+def test_a_wild_track_is_an_outlier() -> None:
+    points, _ = rigid_bodies(np.random.default_rng(6), sizes=(90, 60))
+    points[3] += np.random.default_rng(0).normal(0, 30, points[3].shape)
+    rng = np.random.default_rng(0)
+    segmentation = cluster(points, sets_of(points, rng, 4), method="meanshift", motions=2, rng=rng)
+    assert segmentation.labels[3] == OUTLIER
+
+
+def test_refinement_mends_what_was_swapped(rng: np.random.Generator) -> None:
+    truth = np.repeat([0, 1], 60)
+    components = rng.normal(size=(120, 12)) + 15 * truth[:, None]
+    wrong = truth.copy()
+    wrong[:9], wrong[60:69] = 1, 0
+    found = Likelihood(components, np.ones((120, 1))).refine(wrong, weight=1.0)
+    np.testing.assert_array_equal(found, truth)
+
+
+def test_a_track_is_judged_by_the_others(rng: np.random.Generator) -> None:
+    """(D + 5) ln(1 + q / 5) + ln|S| with q and |S| of the cloud fitted without the track."""
+    components = rng.normal(size=(40, 3)) * (9, 5, 3)
+    everyone = np.ones((1, 40))
+    with_itself = Likelihood(components, np.ones((40, 1))).track_costs(everyone)[0]
+    for track in (0, 7, 23):
+        others = everyone.copy()
+        others[0, track] = 0
+        without = Likelihood(components, np.ones((40, 1))).track_costs(others)[0]
+        assert with_itself[track] == pytest.approx(without[track], abs=0.15)
+
+
+def test_labels_are_predicted_by_the_company_of_the_others() -> None:
+    votes = np.repeat(np.eye(2), [3, 5], axis=0)
+    members = np.array([[1, 1, 0, 0, 0, 0, 0, 0], [0, 0, 1, 1, 1, 1, 1, 1]], dtype=float)
+    costs = Likelihood(np.zeros((8, 2)), votes).label_costs(members)
+    # of the two others in the mode of the first track, one has its label
+    assert np.exp(-costs[0, 0]) == pytest.approx(0.98 * 0.5 + 0.02 * 2 / 8)
+    # both others of the third track have another one
+    assert np.exp(-costs[0, 2]) == pytest.approx(0.98 + 0.02 * 2 / 8)
+    assert np.exp(-costs[:, 4]).sum() == pytest.approx(1)
+
+
+def test_a_mode_of_one_track_predicts_nothing() -> None:
+    costs = Likelihood(np.zeros((4, 2)), np.eye(4)).label_costs(membership(np.array([0, 0, 0, 1])))
+    np.testing.assert_allclose(np.exp(-costs), np.repeat([[0.75], [0.25]], 4, axis=1))
+
+
+@settings(max_examples=15, deadline=None)
+@given(st.integers(0, 10**6))
+def test_costs_do_not_know_the_order_of_tracks_or_the_axes(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    components, labels = rng.normal(size=(50, 4)) * 20, rng.integers(0, 3, 50)
+    labels[:3] = 0, 1, 2
+    votes = rng.dirichlet(np.ones(5), 50)
+    cost = Likelihood(components, votes).cost(labels, 3.0)
+    order, turn = rng.permutation(50), np.linalg.qr(rng.normal(size=(4, 4)))[0]
+    moved = (components[order] + 7) @ turn
+    assert Likelihood(moved, votes[order]).cost(labels[order], 3.0) == pytest.approx(cost)
+    assert Likelihood(components, votes).cost((labels + 1) % 3, 3.0) == pytest.approx(cost)
+
+
+def test_a_mode_that_holds_a_body_together_keeps_it_in_one_piece(rng: np.random.Generator) -> None:
+    """Two far halves of one background, and two small bodies near each other."""
+    place = np.concatenate(
+        [rng.normal(size=(60, 4)) * 4 + shift for shift in ((-18, 0, 0, 0), (18, 0, 0, 0))]
+        + [rng.normal(size=(15, 4)) * 2 + shift for shift in ((0, 9, 0, 0), (0, -9, 0, 0))]
+    )
+    truth = np.repeat([0, 1, 2], [120, 15, 15])
+    begin = [np.repeat([0, 1, 2, 3], [60, 60, 15, 15])]
+    nothing_known, held = np.full((150, 1), 1.0), np.eye(3)[truth]
+    split = partitions(Likelihood(place, nothing_known), begin)[3]
+    assert misclassification(split + 1, truth + 1) > 0.1
+    np.testing.assert_array_equal(partitions(Likelihood(place, held), begin)[3], truth)
+
+
+def test_outliers_hide_no_body() -> None:
+    rng = np.random.default_rng(8)
+    points, labels = rigid_bodies(rng)
+    wild = points[rng.choice(len(points), 18)] + rng.normal(0, 25, (18, *points.shape[1:]))
+    points, labels = np.concatenate([points, wild]), np.concatenate([labels, np.zeros(18, int)])
+    segmentation = cluster(points, sets_of(points, rng, 3), method="meanshift", motions=3, rng=rng)
+    assert misclassification(segmentation.labels, labels) <= 0.02
+
+
+def test_mode_votes_name_the_mode_of_the_hypotheses_around_a_track() -> None:
+    points, labels = rigid_bodies(np.random.default_rng(5))
+    apart = points + np.where(labels == 1, 0.0, 400.0 * labels)[:, None, None]
+    rng = np.random.default_rng(1)
+    (entry,) = sets_of(apart, rng, 3)
+    observed_set = _observe(apart, entry)
+    made_of = labels[entry.subsets]
+    assert (made_of == made_of[:, :1]).all()
+    everyone = np.arange(len(apart))
+    problem = SelectionProblem(
+        apart, (observed_set,), (), 3, 0, "object", rng, (made_of[:, 0] - 1,), everyone
+    )
+    votes = ModeVotes.of_set(problem, 0)
+    np.testing.assert_allclose(votes.vote_shares.sum(axis=1), 1.0)
+    np.testing.assert_array_equal(votes.vote_shares.argmax(axis=1) + 1, labels)
+    assert np.median(votes.misfit) < 0.5
+    # numbers of tracks that were left out shift the places of the others
+    kept = np.flatnonzero(everyone % 7 > 0)
+    observed_set = _observe(apart[kept], entry)
+    problem = SelectionProblem(
+        apart[kept], (observed_set,), (), 3, 0, "object", rng, problem.assignments, kept
+    )
+    shares = ModeVotes.of_set(problem, 0).shares
+    np.testing.assert_array_equal(shares.argmax(axis=1) + 1, labels[kept])
