@@ -160,5 +160,5 @@ def test_mode_votes_name_the_mode_of_the_hypotheses_around_a_track() -> None:
     problem = SelectionProblem(
         apart[kept], (observed_set,), (), 3, 0, "object", rng, problem.assignments, kept
     )
-    shares = ModeVotes.of_set(problem, 0).shares
+    shares = ModeVotes.of_set(problem, 0).vote_shares
     np.testing.assert_array_equal(shares.argmax(axis=1) + 1, labels[kept])
