@@ -17,13 +17,15 @@ from typing import Literal
 
 import numpy as np
 
+from mssegment import models
 from mssegment.datasets.adelaidermf import ADELAIDERMF, group_of
 from mssegment.evaluation import misclassification
 from mssegment.records import OUTLIER, Floats, HypothesisSet, Integers, replace
 from mssegment.sampling import elemental_subsets
 from mssegment.segmentation.mdl.choice import STANDARD, Recipe, mdl
 from mssegment.segmentation.mode_based import segment_by_modes
-from mssegment.segmentation.selection import Granularity, SelectionProblem, SelectionResult
+from mssegment.segmentation.options import Granularity, SegmentOptions
+from mssegment.segmentation.selection import SelectionProblem, SelectionResult
 
 Sampling = Literal["local", "uniform"]
 
@@ -80,7 +82,10 @@ def pairs(folder: Path) -> Iterator[Pair]:
 
 def sampled(pair: Pair, sampling: Sampling, seed: int) -> list[HypothesisSet]:
     return elemental_subsets.hypothesize(
-        pair.points, model=pair.model, sampling=sampling, rng=np.random.default_rng([seed, 1])
+        pair.points,
+        models=models.automatic(2) if pair.model == "auto" else (pair.model,),
+        sampling=sampling,
+        rng=np.random.default_rng([seed, 1]),
     )
 
 
@@ -97,7 +102,7 @@ def problem_of(pair: Pair, sampling: Sampling, seed: int) -> SelectionProblem:
         sampled(pair, sampling, seed),
         select=keep,
         status=np.full(len(pair.points), OUTLIER),
-        granularity=pair.granularity,
+        options=SegmentOptions(granularity=pair.granularity),
         rng=np.random.default_rng([seed, 2]),
     )
     return kept[0]

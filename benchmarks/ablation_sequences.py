@@ -19,9 +19,14 @@ import numpy as np
 from mssegment.benchmarking import shuffled_in_time
 from mssegment.datasets import DATASETS, ImportedTracks
 from mssegment.evaluation import misclassification
-from mssegment.records import Floats, HypothesisSet, Integers
-from mssegment.sampling.frame_pairs import draw_consensus_sets
-from mssegment.segmentation.consensus import bodies, cluster_by_consensus, clustering, cuts, drawing
+from mssegment.records import Floats, Integers, replace
+from mssegment.sampling import frame_pairs
+from mssegment.segmentation.consensus import (
+    cluster_by_consensus,
+    clustering,
+    model_order,
+    normalized_cuts,
+)
 
 Change = tuple[object, str, object]
 
@@ -35,23 +40,26 @@ def _all_pass(
 VARIANTS: dict[str, tuple[tuple[str, ...], tuple[Change, ...]]] = {
     "everything": ((), ()),
     "no subspaces over all frames": (("factorization",), ()),
-    "no uniform subsets": ((), ((drawing, "LOCAL", 1.0),)),
-    "no local subsets": ((), ((drawing, "LOCAL", 0.0),)),
-    "one power of the agreement (6)": ((), ((bodies, "POWERS", (6,)), (cuts, "POWERS", (6,)))),
-    "not refined by the clouds": ((), ((bodies, "SMALL_CHANGE", -1.0),)),
+    "no uniform subsets": ((), ((frame_pairs, "LOCAL", 1.0),)),
+    "no local subsets": ((), ((frame_pairs, "LOCAL", 0.0),)),
+    "one power of the agreement (6)": (
+        (),
+        ((model_order, "POWERS", (6,)), (normalized_cuts, "POWERS", (6,))),
+    ),
+    "not refined by Student t distributions": ((), ((model_order, "SMALL_CHANGE", -1.0),)),
     "count without the border": (
         (),
         (
-            (bodies, "border_contrast", lambda *_: 1.0),
-            (bodies, "DISTINCT", 95.0),
-            (cuts, "border_contrast", lambda *_: 1.0),
+            (model_order, "border_contrast", lambda *_: 1.0),
+            (model_order, "DISTINCT", 95.0),
+            (normalized_cuts, "border_contrast", lambda *_: 1.0),
         ),
     ),
     "no outlier tests": (
         (),
         (
             (clustering, "first_test", _all_pass),
-            (drawing, "first_test", _all_pass),
+            (frame_pairs, "first_test", _all_pass),
             (
                 clustering,
                 "second_test",
@@ -60,7 +68,7 @@ VARIANTS: dict[str, tuple[tuple[str, ...], tuple[Change, ...]]] = {
         ),
     ),
     "outlier tests never gentle": ((), ((clustering, "spared", lambda *_: 1.0),)),
-    "no merging of spare groups": ((), ((cuts, "SPARE", 0),)),
+    "no merging of spare groups": ((), ((normalized_cuts, "SPARE", 0),)),
     "no fundamental matrices": (("fundamental",), ()),
 }
 """Name -> kinds of evidence to leave out, and constants to change."""
@@ -89,13 +97,13 @@ def mean_error(
         for seed in range(seeds):
             rng = np.random.default_rng(seed)
             points, labels = with_outliers(entry, outliers, rng)
-            sets: list[HypothesisSet] = [
-                drawn for drawn in draw_consensus_sets(points, rng) if drawn.model not in without
-            ]
-            if not sets:
+            drawn = frame_pairs.draw_for_consensus(points, rng)
+            sets = tuple(entry for entry in drawn.sets if entry.model not in without)
+            if not any(entry.evidence for entry in sets):
                 return float("nan")
+            hypotheses = replace(drawn, sets=sets)
             motions = entry.motions if given else None
-            found = cluster_by_consensus(points, sets, rng, motions=motions, min_motions=2)
+            found = cluster_by_consensus(points, hypotheses, rng, motions=motions, min_motions=2)
             errors.append(misclassification(found.labels, labels))
     return float(np.mean(errors))
 

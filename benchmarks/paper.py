@@ -16,10 +16,10 @@ import numpy as np
 from benchmarks.scenes import CAMERA, SETUPS, Scene, SetUp, generate, oracle
 from mssegment import models
 from mssegment.evaluation import match_labels, misclassification, residual_errors
-from mssegment.records import HypothesisSet, Segmentation
+from mssegment.records import Hypotheses, HypothesisSet, Segmentation
 from mssegment.sampling.elemental_subsets import hypothesize
-from mssegment.segmentation import SELECTIONS, cluster
-from mssegment.segmentation.selection import Granularity
+from mssegment.segmentation import SELECTIONS, SegmentOptions, cluster
+from mssegment.segmentation.options import Granularity
 
 
 @dataclass(frozen=True)
@@ -38,7 +38,7 @@ def run_scene(setup: SetUp, seed: int, selection: str, granularity: Granularity)
     scene = generate(setup, seed)
     sets = hypothesize(
         scene.points,
-        model=setup.model,
+        models=(setup.model,),
         camera=CAMERA,
         count=setup.hypotheses,
         # there is no static world here that could tell how the camera turned
@@ -48,13 +48,11 @@ def run_scene(setup: SetUp, seed: int, selection: str, granularity: Granularity)
     found = {
         wanted: cluster(
             scene.points,
-            sets,
-            selection=selection,
-            granularity=granularity,
-            motions=wanted,
+            Hypotheses("modes", tuple(sets)),
+            options=SegmentOptions(selection=selection, granularity=granularity, motions=wanted),
             rng=np.random.default_rng([seed, 2]),
         )
-        for wanted in ("auto", len(setup.inliers))
+        for wanted in (None, len(setup.inliers))
     }
     unknown, given = found.values()
     return Outcome(

@@ -17,6 +17,7 @@ STAGE_KEYS: dict[str, tuple[str, ...]] = {
         "camera.derotate",
         *(key for key in KEYS if key.startswith(("background.", "hypothesize."))),
         "cluster.method",
+        "segment.selection",
     ),
     "cluster": ("seed", *(key for key in KEYS if key.startswith(("cluster.", "segment.")))),
 }

@@ -25,20 +25,23 @@ from mssegment.documents import (
 from mssegment.errors import ConfigurationError
 from mssegment.history import entry_of
 from mssegment.records import (
+    OUTLIER,
     Camera,
     Floats,
     Frame,
-    HypothesisSet,
+    Hypotheses,
     Integers,
     Motion,
     Record,
     Segmentation,
+    Strategy,
 )
 from mssegment.resources import Timings, keep_freed_memory
 
 if TYPE_CHECKING:
     from mssegment.imaging.frames import FrameSource
-    from mssegment.preprocessing.background import Background
+    from mssegment.sampling.strategy import SamplingOptions
+    from mssegment.segmentation.options import SegmentOptions
 
 NOTHING_SHARED = (
     "no hypothesis is confirmed by further tracks: the matches share no motion; check the matches, "
@@ -125,6 +128,7 @@ def match(
 def hypothesize(document: TracksDocument, configuration: Configuration) -> HypothesesDocument:
     """Stage 3: background, elemental subsets, and hypotheses on the manifold of the model."""
     from mssegment.preprocessing.background import find_background
+    from mssegment.sampling.strategy import check_sampling, draw
     from mssegment.stage_checks import nothing_moves
 
     camera = camera_of(configuration.camera) or document.camera
@@ -135,95 +139,97 @@ def hypothesize(document: TracksDocument, configuration: Configuration) -> Hypot
         remove=configuration.background.remove,
         min_displacement=configuration.background.min_displacement,
     )
-    notes = background.notes
-    if nothing_moves(background.status, _model(configuration, points.shape[1])):
-        sets: list[HypothesisSet] = []
+    notes, frames = background.notes, points.shape[1]
+    options, strategy = _sampling(configuration, frames)
+    check_sampling(options, strategy, frames)
+    if nothing_moves(background.status, options.models(frames)):
+        drawn = Hypotheses(strategy, ())
         notes = (*notes, "nothing else moves: there is no motion to look for")
     else:
-        sets = _draw_sets(points, camera, background, configuration)
-        if not sets:
+        drawn = draw(
+            points,
+            strategy,
+            options,
+            eligible=background.status == OUTLIER,
+            static=background.found,
+            camera=camera,
+            rng=_random("hypothesize", configuration),
+        )
+        if not drawn.sets:
             notes = (*notes, NOTHING_SHARED)
     return HypothesesDocument(
         frames=document.frames,
         camera=camera,
         tracks=document.tracks,
         status=background.status,
-        sets=sets,
+        strategy=drawn.strategy,
+        partition=drawn.partition,
+        sets=list(drawn.sets),
         history=[*document.history, entry_of("hypothesize", configuration, notes)],
-    )
-
-
-def _draw_sets(
-    points: Floats, camera: Camera | None, background: Background, configuration: Configuration
-) -> list[HypothesisSet]:
-    """The sets of hypotheses that the model, the number of frames and the method ask for."""
-    from mssegment.sampling.strategy import AUTO_FRAMES, uses_consensus
-
-    settings, frames = configuration.hypothesize, points.shape[1]
-    eligible = background.status == 0
-    rng = _random("hypothesize", configuration)
-    model = _model(configuration, frames)
-    if uses_consensus(configuration.cluster.method, model, frames):
-        from mssegment.sampling.frame_pairs import draw_consensus_sets
-
-        return draw_consensus_sets(
-            points, rng, eligible=eligible, static=background.found, rank=settings.rank
-        )
-    if model == "factorization" and frames >= AUTO_FRAMES:
-        from mssegment.sampling.pooled_ranks import draw_pooled_sets
-
-        return draw_pooled_sets(
-            points,
-            count=settings.count,
-            sampling=settings.sampling,
-            eligible=eligible,
-            rank=settings.rank,
-            rng=rng,
-        )
-    from mssegment.sampling.elemental_subsets import hypothesize as draw
-
-    derotate = configuration.camera.derotate
-    if derotate == "auto" and background.found:
-        derotate = False  # a camera that stands still does not turn
-    return draw(
-        points,
-        model=model,
-        camera=camera,
-        count=settings.count,
-        sampling=settings.sampling,
-        eligible=eligible,
-        rank=3 if settings.rank == "auto" else settings.rank,
-        derotate=derotate,
-        rng=rng,
     )
 
 
 def cluster(
     document: HypothesesDocument, configuration: Configuration, threads: int = 1
 ) -> SegmentationDocument:
-    """Stage 4: modes, motions, labels."""
+    """Stage 4: modes, motions, labels, by the strategy of the document."""
     from mssegment.segmentation import cluster as segment
-    from mssegment.stage_checks import check_sets, no_motion, nothing_moves
+    from mssegment.stage_checks import check_method, check_sets, no_motion, nothing_moves
 
-    model = _model(configuration, len(document.frames))
-    if not document.sets or nothing_moves(document.status, model):
+    names = _sampling(configuration, len(document.frames))[0].models(len(document.frames))
+    check_method(configuration.cluster.method, document.strategy)
+    if not document.sets or nothing_moves(document.status, names):
         return _segmentation(document, no_motion(document.status), configuration)
     check_sets(document.sets)
     found = segment(
         straight(document.tracks.points, document.camera),
-        document.sets,
+        document.hypotheses,
         status=document.status,
-        bandwidth=configuration.cluster.bandwidth,
-        kernel=configuration.cluster.kernel,
-        method=configuration.cluster.method,
-        selection=configuration.segment.selection,
-        motions=configuration.segment.motions,
-        min_motions=configuration.segment.min_motions,
-        granularity=configuration.segment.granularity,
+        options=_segment_options(configuration, threads),
         rng=_random("cluster", configuration),
-        threads=threads,
     )
     return _segmentation(document, found, configuration)
+
+
+def check_settings(configuration: Configuration, frames: int, threads: int = 1) -> None:
+    """Raises an error for a setting that the strategy for so many frames does not use."""
+    from mssegment.sampling.strategy import check_sampling
+    from mssegment.segmentation.options import check_options
+
+    options, strategy = _sampling(configuration, frames)
+    check_sampling(options, strategy, frames)
+    check_options(_segment_options(configuration, threads), strategy)
+
+
+def _sampling(configuration: Configuration, frames: int) -> tuple[SamplingOptions, Strategy]:
+    """How hypotheses are drawn for tracks over so many frames, and for which strategy."""
+    from mssegment.sampling.strategy import SamplingOptions, choose_strategy
+
+    settings = configuration.hypothesize
+    options = SamplingOptions(
+        settings.model,
+        settings.rank,
+        settings.count,
+        settings.sampling,
+        configuration.camera.derotate,
+    )
+    method, selection = configuration.cluster.method, configuration.segment.selection
+    return options, choose_strategy(method, selection, options.models(frames), frames)
+
+
+def _segment_options(configuration: Configuration, threads: int) -> SegmentOptions:
+    from mssegment.segmentation.options import SegmentOptions
+
+    shift, settings = configuration.cluster, configuration.segment
+    return SegmentOptions(
+        bandwidth=shift.bandwidth,
+        kernel=shift.kernel,
+        selection=settings.selection,
+        motions=_given(settings.motions),
+        min_motions=settings.min_motions,
+        granularity=settings.granularity,
+        threads=threads,
+    )
 
 
 def _segmentation(
@@ -232,6 +238,7 @@ def _segmentation(
     return SegmentationDocument(
         frames=document.frames,
         camera=document.camera,
+        strategy=document.strategy,
         labels=found.labels,
         motions=found.motions,
         modes=found.modes,
@@ -299,9 +306,12 @@ def run(
         with timings.stage("read"):
             source = source or open_input(configuration)
         opened = source
+        check_settings(configuration, len(source), threads)
         corners = timed("detect", lambda: detect(configuration, opened))
         found = corners
         tracks = timed("match", lambda: match(found, configuration, opened))
+    else:
+        check_settings(configuration, len(tracks.frames), threads)
     given = tracks
     hypotheses = timed("hypothesize", lambda: hypothesize(given, configuration))
     segmentation = timed("cluster", lambda: cluster(hypotheses, configuration, threads))
@@ -315,12 +325,6 @@ def straight(points: Floats, camera: Camera | None) -> Floats:
     from mssegment.imaging.camera import undistort_points
 
     return undistort_points(points, camera)
-
-
-def _model(configuration: Configuration, frames: int) -> str:
-    """The model: ``auto`` is a choice among planar motions for two frames, else factorization."""
-    model = configuration.hypothesize.model
-    return "factorization" if model == "auto" and frames > 2 else model
 
 
 def _given(value: Any) -> Any:

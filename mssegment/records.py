@@ -6,12 +6,18 @@ records as JSON; an array is ``float64`` or ``int64``.
 
 from __future__ import annotations
 
+from typing import Literal
+
 import msgspec
 import numpy as np
 import numpy.typing as npt
 
 Floats = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]
+Strategy = Literal["modes", "mixture", "consensus"]
+"""How hypotheses become motions."""
+Partition = Literal["spectral", "normalized_cuts", "average_linkage"]
+"""How consensus groups tracks: complete ones, incomplete ones, those before a static camera."""
 
 OUTLIER = 0
 """Label of a track that belongs to no motion."""
@@ -115,6 +121,7 @@ class HypothesisSet(Record, frozen=True):
 
     ``frames`` are indices into the document's frames; ``subsets`` [n, k] are indices of tracks;
     ``points`` [n, ...] lie on ``manifold``; ``drawn`` is how many elemental subsets were tried.
+    Consensus groups tracks by sets that are ``evidence``; in the others it only states motions.
     """
 
     model: str
@@ -124,6 +131,20 @@ class HypothesisSet(Record, frozen=True):
     subsets: Integers
     points: Floats
     drawn: int = 0
+    evidence: bool = True
+
+
+class Hypotheses(Record, frozen=True):
+    """All sets of hypotheses of a scene, and the strategy that they were drawn for.
+
+    ``modes``: motions are selected among the modes of the hypotheses. ``mixture``: modes of a long
+    sequence start a mixture of Student t distributions. ``consensus``: tracks are grouped by the
+    hypotheses that they agree on, in the way that ``partition`` says.
+    """
+
+    strategy: Strategy
+    sets: tuple[HypothesisSet, ...]
+    partition: Partition | None = None
 
 
 class Mode(Record, frozen=True):

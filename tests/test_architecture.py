@@ -11,7 +11,7 @@ import mssegment
 
 ROOT = Path(mssegment.__file__).parent
 LAYERS = [
-    {"records", "errors", "version"},
+    {"records", "errors", "registry", "version"},
     {"neighbours", "resources", "special"},
     {"manifolds", "geometry"},
     {"models", "evaluation"},

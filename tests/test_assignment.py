@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 
 from mssegment.records import NOT_JUDGED, OUTLIER
-from mssegment.sampling.elemental_subsets import hypothesize
-from mssegment.segmentation import cluster
 from mssegment.segmentation.assignment import assign
 from mssegment.segmentation.mdl.labelling import smooth_labels
+from tests.stages import cluster, hypothesize
 
 MOTIONS = (
     (np.array([[1.0, -0.05], [0.05, 1.0]]), np.array([30.0, 5.0])),

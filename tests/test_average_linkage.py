@@ -15,10 +15,10 @@ from mssegment.configuration import from_text, resolve
 from mssegment.evaluation import misclassification
 from mssegment.preprocessing.background import find_background
 from mssegment.records import BACKGROUND, NOT_JUDGED
-from mssegment.sampling.frame_pairs import draw_consensus_sets
-from mssegment.segmentation import cluster
+from mssegment.sampling.frame_pairs import draw_for_consensus
 from mssegment.segmentation.consensus import cluster_by_consensus
 from mssegment.segmentation.consensus.average_linkage import joins
+from tests.stages import cluster
 
 
 def test_joins_are_those_of_average_linkage(rng: np.random.Generator) -> None:
@@ -50,8 +50,9 @@ def parallel_cars(rng: np.random.Generator, frames: int = 40) -> tuple[np.ndarra
 def test_cars_in_parallel_are_objects_before_a_static_camera(seed: int) -> None:
     rng = np.random.default_rng(seed)
     points, labels = parallel_cars(rng)
-    sets = draw_consensus_sets(points, rng, static=True)
-    assert {entry.model for entry in sets} == {"affine"}
+    sets = draw_for_consensus(points, rng, static=True)
+    assert sets.partition == "average_linkage"
+    assert {entry.model for entry in sets.sets} == {"affine"}
     for motions in (None, 3):
         found = cluster_by_consensus(points, sets, rng, motions=motions)
         assert found.labels.max() == 3
@@ -98,7 +99,7 @@ def test_what_wavers_among_what_stands_still_is_background_too(rng: np.random.Ge
 def ranks(points: np.ndarray, rank: int | str) -> tuple[list[int], np.ndarray]:
     """Ranks of the motions that are found, and the labels."""
     rng = np.random.default_rng(0)
-    sets = draw_consensus_sets(points, rng, rank=rank)
+    sets = draw_for_consensus(points, rng, rank=rank)
     found = cluster(points, sets, motions=2, rng=rng)
     return [motion.parameters.shape[-1] for motion in found.motions], found.labels
 

@@ -12,68 +12,28 @@ from moving_bodies import rigid_bodies
 
 from mssegment import manifolds
 from mssegment.datasets import DATASETS
-from mssegment.errors import DataError
+from mssegment.errors import DataError, MssegmentError
 from mssegment.evaluation import misclassification
-from mssegment.models.evidence import EVIDENCE
-from mssegment.records import NOT_JUDGED, OUTLIER, HypothesisSet, Normalization
-from mssegment.sampling.frame_pairs import draw_consensus_sets, draw_subsets
-from mssegment.sampling.strategy import uses_consensus
-from mssegment.segmentation import cluster
+from mssegment.geometry.flats import leave_one_out_residuals
+from mssegment.records import NOT_JUDGED, OUTLIER, replace
+from mssegment.sampling.frame_pairs import draw_for_consensus, draw_subsets
+from mssegment.sampling.strategy import choose_strategy
+from mssegment.segmentation import SegmentOptions
 from mssegment.segmentation.consensus import cluster_by_consensus, segment_by_consensus
 from mssegment.segmentation.consensus.coassociation import mark_best
-from mssegment.segmentation.consensus.model_order import border_contrast, cloud_cost
-from mssegment.segmentation.consensus.outliers import leave_one_out_residuals
+from mssegment.segmentation.consensus.model_order import border_contrast, group_cost
 from mssegment.segmentation.consensus.spectral import embedding, partition, sharpen
+from tests.stages import cluster
 
 
 def run(points: np.ndarray, seed: int = 0, **options):
     rng = np.random.default_rng(seed)
-    return cluster_by_consensus(points, draw_consensus_sets(points, rng), rng, **options)
+    return cluster_by_consensus(points, draw_for_consensus(points, rng), rng, **options)
 
 
 @pytest.fixture(scope="module")
 def scene():
     return rigid_bodies(np.random.default_rng(5))
-
-
-@pytest.mark.parametrize("name", EVIDENCE)
-def test_a_minimal_fit_lies_on_its_manifold_and_fits_its_subset(
-    name: str, rng: np.random.Generator
-) -> None:
-    kind = EVIDENCE[name]
-    frames = 6 if name == "factorization" else 2
-    samples = rng.normal(size=(20, kind.subset_size, frames, 2))
-    samples[:, :, 1:] = samples[:, :, :1] + 0.2 * samples[:, :, 1:]
-    found, valid = kind.fit(samples)
-    assert valid.any()
-    manifolds.from_name(kind.manifold(frames)).check_point(found[valid])
-    for one, subset in zip(found[valid], samples[valid], strict=True):
-        assert kind.squared_residuals(one[None], subset).max() < 1e-12
-
-
-def test_the_residual_of_a_flat_is_the_distance_in_r4(rng: np.random.Generator) -> None:
-    subset, other = rng.normal(size=(1, 3, 2, 2)), rng.normal(size=(7, 2, 2))
-    found, _ = EVIDENCE["flat"].fit(subset)
-    origin, *directions = subset.reshape(3, 4)
-    basis, _ = np.linalg.qr((np.array(directions) - origin).T)
-    gap = other.reshape(7, 4) - origin
-    expected = ((gap - gap @ basis @ basis.T) ** 2).sum(axis=1)
-    np.testing.assert_allclose(
-        EVIDENCE["flat"].squared_residuals(found, other)[:, 0], expected, atol=1e-10
-    )
-
-
-def test_epipolar_lines_of_a_perspective_body_are_met(rng: np.random.Generator) -> None:
-    world = rng.uniform((-1, -1, 4), (1, 1, 6), (30, 3))
-    turn = np.array([[np.cos(0.1), 0, np.sin(0.1)], [0, 1, 0], [-np.sin(0.1), 0, np.cos(0.1)]])
-    moved = world @ turn.T + (0.3, 0.1, 0.2)
-    matches = np.stack([p[:, :2] / p[:, 2:] for p in (world, moved)], axis=1)
-    kind = EVIDENCE["fundamental"]
-    found, valid = kind.fit(matches[None, :8])
-    assert valid.all()
-    assert kind.squared_residuals(found, matches).max() < 1e-12
-    wrong = matches + rng.normal(0, 0.05, matches.shape)
-    assert np.median(kind.squared_residuals(found, wrong)) > 1e-5
 
 
 def test_marks_are_the_best_ones(rng: np.random.Generator) -> None:
@@ -101,7 +61,7 @@ def test_spectral_partition_finds_blocks(rng: np.random.Generator) -> None:
 def test_cost_of_a_cloud_does_not_depend_on_axes_or_origin(rng: np.random.Generator) -> None:
     cloud = rng.normal(size=(80, 12)) * rng.uniform(1, 30, 12)
     turn, _ = np.linalg.qr(rng.normal(size=(12, 12)))
-    assert cloud_cost(cloud @ turn + 100, 100) == pytest.approx(cloud_cost(cloud, 100))
+    assert group_cost(cloud @ turn + 100, 100) == pytest.approx(group_cost(cloud, 100))
 
 
 def test_contrast_is_low_between_bodies_and_about_one_inside(rng: np.random.Generator) -> None:
@@ -189,8 +149,9 @@ def test_tracks_that_begin_and_end_anywhere() -> None:
         length = rng.integers(8, 20)
         start = rng.integers(0, 24 - length)
         track[:start] = track[start + length :] = np.nan
+    drawn = draw_for_consensus(points, np.random.default_rng(0))
+    assert drawn.partition == "normalized_cuts"
     found = run(points, motions=3)
-    assert found.evidence == ("homography", "fundamental")
     assert misclassification(found.labels, labels) <= 0.03
 
 
@@ -198,9 +159,9 @@ def test_excluded_tracks_take_no_part(scene) -> None:
     points, labels = scene
     eligible = labels != 2
     rng = np.random.default_rng(0)
-    sets = draw_consensus_sets(points, rng, eligible=eligible)
-    assert all(eligible[entry.subsets].all() for entry in sets)
-    found = cluster_by_consensus(points, sets, rng, motions=2, eligible=eligible)
+    hypotheses = draw_for_consensus(points, rng, eligible=eligible)
+    assert all(eligible[entry.subsets].all() for entry in hypotheses.sets)
+    found = cluster_by_consensus(points, hypotheses, rng, motions=2, eligible=eligible)
     assert (found.labels[~eligible] == OUTLIER).all()
     assert misclassification(found.labels[eligible], labels[eligible]) <= 0.02
 
@@ -208,9 +169,12 @@ def test_excluded_tracks_take_no_part(scene) -> None:
 def test_every_motion_is_a_point_with_a_mode(scene) -> None:
     points, labels = scene
     rng = np.random.default_rng(0)
-    sets = draw_consensus_sets(points, rng)
+    hypotheses = draw_for_consensus(points, rng)
+    sets = hypotheses.sets
     status = np.where(labels == 3, -1, 0)
-    found = segment_by_consensus(points, sets, status=status, motions=2, rng=rng)
+    found = segment_by_consensus(
+        points, hypotheses, status=status, options=SegmentOptions(motions=2), rng=rng
+    )
     assert (found.labels[labels == 3] == -1).all()
     assert [motion.label for motion in found.motions] == [1, 2]
     assert sorted(mode.motion for mode in found.modes) == [1, 2]
@@ -227,16 +191,56 @@ def test_every_motion_is_a_point_with_a_mode(scene) -> None:
         assert places.shape == (len(entry.points),)
 
 
-def test_method_auto_goes_by_the_frames_and_the_sets(scene) -> None:
-    assert uses_consensus("auto", "factorization", 20)
-    assert not uses_consensus("auto", "factorization", 5)
-    assert not uses_consensus("auto", "affine", 2)
-    assert uses_consensus("consensus", "affine", 2)
-    assert not uses_consensus("meanshift", "factorization", 50)
+@pytest.mark.parametrize(
+    ("method", "selection", "model", "frames", "strategy"),
+    [
+        ("auto", "mdl", "factorization", 20, "consensus"),
+        ("auto", "mdl", "factorization", 5, "modes"),
+        ("auto", "mdl", "affine", 2, "modes"),
+        ("consensus", "mdl", "affine", 2, "consensus"),
+        ("meanshift", "mdl", "factorization", 50, "mixture"),
+        ("meanshift", "dominance", "factorization", 50, "modes"),
+        ("meanshift", "mdl", "factorization", 5, "modes"),
+    ],
+)
+def test_strategy_by_method_selection_and_frames(
+    method: str, selection: str, model: str, frames: int, strategy: str
+) -> None:
+    assert choose_strategy(method, selection, (model,), frames) == strategy
+
+
+def test_cluster_obeys_the_strategy(scene) -> None:
     points, labels = scene
-    sets = draw_consensus_sets(points, np.random.default_rng(0))
-    found = cluster(points, sets, rng=np.random.default_rng(0))
+    hypotheses = draw_for_consensus(points, np.random.default_rng(0))
+    assert (hypotheses.strategy, hypotheses.partition) == ("consensus", "spectral")
+    found = cluster(points, hypotheses, rng=np.random.default_rng(0))
     assert misclassification(found.labels, labels) <= 0.02
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ({"granularity": "surface"}, "segment.granularity is surface"),
+        ({"selection": "dominance"}, "segment.selection is dominance"),
+        ({"threads": 2}, "--threads is 2"),
+    ],
+)
+def test_options_that_consensus_does_not_use_are_refused(scene, change, said: str) -> None:
+    points, _ = scene
+    hypotheses = draw_for_consensus(points, np.random.default_rng(0))
+    with pytest.raises(MssegmentError, match=said) as raised:
+        cluster(points, hypotheses, **change)
+    assert "leave it at" in str(raised.value)
+
+
+def test_two_views_by_consensus_have_motions_and_modes(rng: np.random.Generator) -> None:
+    points, labels = rigid_bodies(rng, sizes=(60, 60), frames=8)
+    pair = points[:, [0, 7]]
+    hypotheses = draw_for_consensus(pair, rng)
+    found = cluster(pair, hypotheses, motions=2, rng=rng)
+    assert misclassification(found.labels, labels) <= 0.1
+    assert [motion.model for motion in found.motions] == ["affine", "affine"]
+    assert sorted(mode.motion for mode in found.modes) == [1, 2]
 
 
 def test_two_frames_are_enough(rng: np.random.Generator) -> None:
@@ -249,22 +253,13 @@ def test_what_cannot_be_grouped_says_why(scene) -> None:
     points, _ = scene
     rng = np.random.default_rng(0)
     with pytest.raises(DataError, match="2 frames"):
-        draw_consensus_sets(points[:, :1], rng)
+        draw_for_consensus(points[:, :1], rng)
     with pytest.raises(DataError, match="share 10 tracks"):
-        draw_consensus_sets(points[:6], rng)
-    alone = [entry for entry in draw_consensus_sets(points, rng) if len(entry.frames) > 2]
+        draw_for_consensus(points[:6], rng)
+    drawn = draw_for_consensus(points, rng)
+    alone = replace(drawn, sets=tuple(e for e in drawn.sets if len(e.frames) > 2))
     with pytest.raises(DataError, match="frame pairs"):
         cluster_by_consensus(points, alone, rng)
-    other = HypothesisSet(
-        "translation",
-        "grassmann(3,1)",
-        (0, 1),
-        Normalization(np.zeros((2, 2)), 1.0),
-        np.zeros((1, 3), int),
-        np.eye(3)[None, :, :1],
-    )
-    with pytest.raises(DataError, match="model translation"):
-        cluster_by_consensus(points, [other], rng)
 
 
 @pytest.mark.data

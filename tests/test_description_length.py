@@ -15,10 +15,9 @@ from mssegment.datasets.adelaidermf import read
 from mssegment.errors import DataError
 from mssegment.evaluation import misclassification
 from mssegment.records import Floats, Integers, Segmentation, replace
-from mssegment.sampling.elemental_subsets import hypothesize
-from mssegment.segmentation import cluster
 from mssegment.segmentation.mdl.labelling import Neighbourhood, frequency_labels, neighbour_labels
 from mssegment.segmentation.mdl.likelihood import Noise, uniform_cost
+from tests.stages import cluster, hypothesize
 
 NOISE = Noise(
     dimension=2, terms=1, floor=0.5, cap=5.0, free=0.0, outlier=12.0, parallax=np.zeros(40)

@@ -77,11 +77,16 @@ def example_documents() -> list[Document]:
         ),
         tracks_document(points),
         HypothesesDocument(
-            frames=FRAMES, tracks=tracks, status=np.array([0, -1, -2]), sets=[chosen]
+            frames=FRAMES,
+            tracks=tracks,
+            status=np.array([0, -1, -2]),
+            strategy="modes",
+            sets=[chosen],
         ),
         SegmentationDocument(
             frames=FRAMES,
             tracks=tracks,
+            strategy="modes",
             sets=[chosen],
             labels=np.array([1, -1, 0]),
             motions=(Motion(1, 0, "affine", np.eye(3), np.array([0]), 0.5, 0.4, None),),
@@ -187,7 +192,7 @@ INFINITY = base64.b64encode(np.full((3, 2, 2), np.inf).tobytes()).decode()
         (change(["tracks"], {}), "missing required field points at $.tracks"),
         (change(["schema"], "mssegment/tracks/9"), "unknown schema 'mssegment/tracks/9'"),
         (change(["schema"], "mssegment/corners/1"), "run `mssegment match` on it first"),
-        (change(["schema"], "mssegment/segmentation/1"), "that `mssegment match` wrote"),
+        (change(["schema"], "mssegment/segmentation/2"), "that `mssegment match` wrote"),
         (b'{"points": []}', "not a document of mssegment"),
         (b"[1, 2]", "not a document of mssegment"),
         (b'{"schema": "mssegment/tracks/1", "frames": [', "not JSON"),

@@ -10,8 +10,9 @@ from hypothesis import strategies as st
 from mssegment import manifolds, models
 from mssegment.errors import DataError, MssegmentError, UsageError
 from mssegment.records import Camera
-from mssegment.sampling.elemental_subsets import CONFIRMATIONS, hypothesize
+from mssegment.sampling.elemental_subsets import CONFIRMATIONS
 from mssegment.sampling.neighbourhoods import nearest_neighbours
+from tests.stages import hypothesize
 
 CAMERA = Camera(800.0, 800.0, 320.0, 240.0)
 FRAMES = {"translation": 2, "affine": 2, "homography": 2, "factorization": 5}

@@ -8,11 +8,11 @@ from moving_bodies import rigid_bodies
 
 import mssegment
 from mssegment.evaluation import misclassification
-from mssegment.records import NOT_JUDGED, HypothesisSet
-from mssegment.sampling.frame_pairs import draw_consensus_sets
+from mssegment.records import NOT_JUDGED
+from mssegment.sampling.frame_pairs import draw_for_consensus
 from mssegment.segmentation.consensus.label_propagation import (
     MOST_GROUPED,
-    sets_among,
+    hypotheses_among,
     tracks_to_group,
 )
 
@@ -53,7 +53,7 @@ def test_a_crowd_is_grouped_by_those_that_made_hypotheses(
     crowd: tuple[np.ndarray, np.ndarray],
 ) -> None:
     points, _ = crowd
-    sets = draw_consensus_sets(points, np.random.default_rng(0))
+    sets = draw_for_consensus(points, np.random.default_rng(0)).sets
     everyone = np.ones(len(points), dtype=bool)
     grouped = tracks_to_group(everyone, sets)
     assert 0.9 * MOST_GROUPED < grouped.sum() <= MOST_GROUPED
@@ -64,10 +64,10 @@ def test_a_crowd_is_grouped_by_those_that_made_hypotheses(
 def test_hypotheses_among_some_tracks_count_these_only(
     crowd: tuple[np.ndarray, np.ndarray],
 ) -> None:
-    sets = draw_consensus_sets(crowd[0], np.random.default_rng(0))
+    drawn = draw_for_consensus(crowd[0], np.random.default_rng(0))
     chosen = np.arange(len(crowd[0])) % 2 == 0
-    kept: list[HypothesisSet] = sets_among(sets, chosen)
-    for before, after in zip(sets, kept, strict=True):
+    kept = hypotheses_among(drawn, chosen)
+    for before, after in zip(drawn.sets, kept.sets, strict=True):
         own = chosen[before.subsets].all(axis=1)
         np.testing.assert_array_equal(np.flatnonzero(chosen)[after.subsets], before.subsets[own])
         np.testing.assert_array_equal(after.points, before.points[own])

@@ -9,22 +9,32 @@ from hypothesis import strategies as st
 from moving_bodies import rigid_bodies
 
 from mssegment.evaluation import misclassification
-from mssegment.records import OUTLIER
-from mssegment.sampling.pooled_ranks import draw_pooled_sets
-from mssegment.sampling.strategy import is_long
-from mssegment.segmentation import cluster
+from mssegment.records import OUTLIER, Hypotheses
+from mssegment.sampling.observed import ObservedSet
+from mssegment.sampling.ranks import draw_all_ranks
 from mssegment.segmentation.mixture.likelihood import Likelihood, membership
 from mssegment.segmentation.mixture.mode_votes import ModeVotes
 from mssegment.segmentation.mixture.search import partitions
-from mssegment.segmentation.mode_based import _observe
+from mssegment.segmentation.options import SegmentOptions
 from mssegment.segmentation.selection import SelectionProblem
+from tests.stages import cluster
 
 
 def sets_of(points: np.ndarray, rng: np.random.Generator, rank: int | str = "auto"):
     everyone = np.ones(len(points), dtype=bool)
-    return draw_pooled_sets(
-        points, count=120, sampling="local", eligible=everyone, rank=rank, rng=rng
+    return draw_all_ranks(
+        points,
+        model="factorization",
+        count=120,
+        sampling="local",
+        eligible=everyone,
+        rank=rank,
+        rng=rng,
     )
+
+
+def mixture_of(sets) -> Hypotheses:
+    return Hypotheses("mixture", tuple(sets))
 
 
 @pytest.fixture(scope="module")
@@ -32,13 +42,12 @@ def found():
     points, labels = rigid_bodies(np.random.default_rng(5))
     rng = np.random.default_rng(0)
     sets = sets_of(points, rng)
-    return labels, sets, cluster(points, sets, method="meanshift", motions=3, rng=rng)
+    return labels, sets, cluster(points, mixture_of(sets), motions=3, rng=rng)
 
 
 def test_both_ranks_are_pooled(found) -> None:
     _, sets, _ = found
     assert [entry.points.shape[-1] for entry in sets] == [3, 4]
-    assert is_long(sets)
 
 
 def test_bodies_are_found(found) -> None:
@@ -60,7 +69,7 @@ def test_a_wild_track_is_an_outlier() -> None:
     points, _ = rigid_bodies(np.random.default_rng(6), sizes=(90, 60))
     points[3] += np.random.default_rng(0).normal(0, 30, points[3].shape)
     rng = np.random.default_rng(0)
-    segmentation = cluster(points, sets_of(points, rng, 4), method="meanshift", motions=2, rng=rng)
+    segmentation = cluster(points, mixture_of(sets_of(points, rng, 4)), motions=2, rng=rng)
     assert segmentation.labels[3] == OUTLIER
 
 
@@ -134,7 +143,7 @@ def test_outliers_hide_no_body() -> None:
     points, labels = rigid_bodies(rng)
     wild = points[rng.choice(len(points), 18)] + rng.normal(0, 25, (18, *points.shape[1:]))
     points, labels = np.concatenate([points, wild]), np.concatenate([labels, np.zeros(18, int)])
-    segmentation = cluster(points, sets_of(points, rng, 3), method="meanshift", motions=3, rng=rng)
+    segmentation = cluster(points, mixture_of(sets_of(points, rng, 3)), motions=3, rng=rng)
     assert misclassification(segmentation.labels, labels) <= 0.02
 
 
@@ -143,12 +152,12 @@ def test_mode_votes_name_the_mode_of_the_hypotheses_around_a_track() -> None:
     apart = points + np.where(labels == 1, 0.0, 400.0 * labels)[:, None, None]
     rng = np.random.default_rng(1)
     (entry,) = sets_of(apart, rng, 3)
-    observed_set = _observe(apart, entry)
+    observed_set = ObservedSet.of(apart, entry)
     made_of = labels[entry.subsets]
     assert (made_of == made_of[:, :1]).all()
     everyone = np.arange(len(apart))
     problem = SelectionProblem(
-        apart, (observed_set,), (), 3, 0, "object", rng, (made_of[:, 0] - 1,), everyone
+        apart, (observed_set,), (), SegmentOptions(motions=3), rng, (made_of[:, 0] - 1,), everyone
     )
     votes = ModeVotes.of_set(problem, 0)
     np.testing.assert_allclose(votes.vote_shares.sum(axis=1), 1.0)
@@ -156,9 +165,9 @@ def test_mode_votes_name_the_mode_of_the_hypotheses_around_a_track() -> None:
     assert np.median(votes.misfit) < 0.5
     # numbers of tracks that were left out shift the places of the others
     kept = np.flatnonzero(everyone % 7 > 0)
-    observed_set = _observe(apart[kept], entry)
+    observed_set = ObservedSet.of(apart[kept], entry)
     problem = SelectionProblem(
-        apart[kept], (observed_set,), (), 3, 0, "object", rng, problem.assignments, kept
+        apart[kept], (observed_set,), (), SegmentOptions(motions=3), rng, problem.assignments, kept
     )
     shares = ModeVotes.of_set(problem, 0).vote_shares
     np.testing.assert_array_equal(shares.argmax(axis=1) + 1, labels[kept])

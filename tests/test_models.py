@@ -6,59 +6,40 @@ import numpy as np
 import pytest
 
 from mssegment import models
-from mssegment.geometry import epipolar
+from mssegment.errors import DataError
+from mssegment.models import EXAMPLE_CAMERA
 from mssegment.models.affine import is_plausible
-from mssegment.models.translation import constraint_rows, sampson
-from mssegment.preprocessing.rotation_compensation import find_rotation
-from mssegment.records import Camera
+from mssegment.models.translation import constraint_rows
+from mssegment.records import HypothesisSet, Normalization, replace
 
-CAMERA = Camera(800.0, 780.0, 320.0, 240.0)
 TRACKS = 30
+NAMES = [*models.MODELS, *models.EVIDENCE]
 
 
-def exact_tracks(model, rng):
-    """Tracks of one motion, without noise: [P, F, 2] pixels."""
-    x = rng.uniform([50.0, 50.0], [300.0, 250.0], (TRACKS, 2))
-    if model.name == "affine":
-        return np.stack([x, x @ np.array([[1.1, -0.1], [0.15, 0.95]]) + [12.0, -7.0]], axis=1)
-    if model.name == "homography":
-        y = np.c_[x, np.ones(TRACKS)] @ np.array(
-            [[1.1, 0.1, 2e-4], [-0.1, 0.9, -1e-4], [5.0, 8.0, 1.0]]
-        )
-        return np.stack([x, y[:, :2] / y[:, 2:]], axis=1)
-    if model.name == "translation":
-        space = np.c_[(x - [CAMERA.cx, CAMERA.cy]) / CAMERA.fx, np.ones(TRACKS)]
-        space *= rng.uniform(3.0, 5.0, (TRACKS, 1))
-        both = [space, space + np.array([0.12, -0.08, 0.2])]
-        return np.stack(
-            [s[:, :2] / s[:, 2:] * [CAMERA.fx, CAMERA.fy] + [CAMERA.cx, CAMERA.cy] for s in both],
-            axis=1,
-        )
-    shape = rng.uniform(-60.0, 60.0, (TRACKS, model.rank - 1))
-    return np.stack(
-        [
-            shape @ rng.normal(size=(model.rank - 1, 2)) + rng.uniform(100.0, 400.0, 2)
-            for _ in range(model.frames)
-        ],
-        axis=1,
-    )
+def laws_of(name):
+    """The models of a name that the laws run over: every rank where there are ranks."""
+    kind = models.class_named(name)
+    frames = 2 if kind.max_frames == 2 else 5
+    ranks = (3, 4) if kind.has_ranks else (3,)
+    return [models.make(name, frames=frames, rank=rank) for rank in ranks]
 
 
 MODELS = [
-    pytest.param(lambda n=name: models.make(n, frames=2 if n != "factorization" else 5), id=name)
-    for name in models.MODELS
-] + [pytest.param(lambda: models.make("factorization", frames=4, rank=4), id="rank 4")]
+    pytest.param(model, id=f"{model.name} on {model.manifold.name}")
+    for name in NAMES
+    for model in laws_of(name)
+]
 
 
 @pytest.fixture(params=MODELS)
 def model(request):
-    return request.param()
+    return request.param
 
 
 @pytest.fixture
 def scene(model, rng):
-    points = exact_tracks(model, rng)
-    normalization = model.normalization(points, CAMERA)
+    points = model.example_tracks(rng, TRACKS)
+    normalization = model.normalization(points, EXAMPLE_CAMERA)
     return points, normalization, model.observe(points, normalization)
 
 
@@ -182,7 +163,7 @@ def test_noise_has_the_stated_dimension(model, scene, rng):
     for _ in range(60):
         noisy = points.copy()
         # a model that takes the first view as given has the noise of the second
-        first = 0 if model.name in ("translation", "factorization") else 1
+        first = 0 if model.leaves_parallax_free else 1
         noisy[:, first:] += rng.normal(0.0, sigma, noisy[:, first:].shape)
         residuals = model.residuals(true, model.observe(noisy, normalization), normalization)
         squares.append(model.residual_terms * np.mean(residuals**2))
@@ -223,33 +204,12 @@ def test_homography_that_turns_a_quadrangle_inside_out_is_unsound():
     assert not valid.any()
 
 
-def test_homography_transfer_error_both_ways(rng):
-    model = models.make("homography")
-    points = exact_tracks(model, rng)
-    normalization = model.normalization(points, None)
-    observed = model.observe(points, normalization)
-    fitted, _ = model.fit(observed, np.ones((1, TRACKS)))
-    assert model.symmetric_residuals(fitted, observed, normalization).max() < 1e-6
-
-
 def test_translation_obeys_equation_25(rng):
     model = models.make("translation")
-    points = exact_tracks(model, rng)
-    observed = model.observe(points, model.normalization(points, CAMERA))
-    t = np.array([0.12, -0.08, 0.2])
-    np.testing.assert_allclose(constraint_rows(observed) @ t, 0.0, atol=1e-12)
-
-
-def test_sampson_derivatives_against_finite_differences(rng):
-    model = models.make("translation")
-    points = exact_tracks(model, rng) + rng.normal(0.0, 2.0, (TRACKS, 2, 2))
-    observed = model.observe(points, model.normalization(points, CAMERA))
-    t = np.array([[0.3, -0.4, 0.866]])
-    _, jacobian = sampson(t, observed)
-    for i in range(3):
-        step = 1e-6 * np.eye(3)[i]
-        slope = (sampson(t + step, observed)[0] - sampson(t - step, observed)[0]) / 2e-6
-        np.testing.assert_allclose(jacobian[..., i], slope, atol=1e-6)
+    points = model.example_tracks(rng, TRACKS)
+    observed = model.observe(points, model.normalization(points, EXAMPLE_CAMERA))
+    fitted, _ = model.fit(observed, np.ones((1, TRACKS)))
+    np.testing.assert_allclose(constraint_rows(observed) @ fitted[0], 0.0, atol=1e-12)
 
 
 def test_translation_without_camera_says_so(rng):
@@ -257,46 +217,10 @@ def test_translation_without_camera_says_so(rng):
         models.make("translation").normalization(rng.normal(size=(5, 2, 2)), None)
 
 
-def turned_view(rng, degrees):
-    """Matches of a translating camera that also turns, most static, some of another body."""
-    x = rng.uniform([0.0, 0.0], [640.0, 480.0], (200, 2))
-    space = np.c_[(x - [CAMERA.cx, CAMERA.cy]) / [CAMERA.fx, CAMERA.fy], np.ones(200)]
-    space *= rng.uniform(4.0, 20.0, (200, 1))
-    angle = np.deg2rad(degrees)
-    turn = np.array(
-        [[np.cos(angle), 0, np.sin(angle)], [0, 1, 0], [-np.sin(angle), 0, np.cos(angle)]]
-    )
-    moved = space + np.array([0.1, 0.02, 0.5])
-    moved[:40] += [0.4, 0.0, 0.0]
-    moved = moved @ turn.T
-    y = moved[:, :2] / moved[:, 2:] * [CAMERA.fx, CAMERA.fy] + [CAMERA.cx, CAMERA.cy]
-    return np.stack([x, y], axis=1) + rng.normal(0.0, 0.1, (200, 2, 2)), turn
-
-
-def test_the_rotation_of_the_camera_is_found(rng):
-    points, turn = turned_view(rng, 0.5)
-    found = find_rotation(points, CAMERA, rng)
-    assert found is not None
-    # it turns the second view back
-    np.testing.assert_allclose(found.rotation @ turn, np.eye(3), atol=1e-3)
-    assert found.share > 0.7
-
-
-def test_a_camera_that_only_translates_is_left_alone(rng):
-    points, _ = turned_view(rng, 0.0)
-    found = find_rotation(points, CAMERA, rng)
-    assert found is None or found.degrees < 0.05
-
-
-def test_mismatches_have_no_rotation(rng):
-    assert find_rotation(rng.uniform(0.0, 480.0, (60, 2, 2)), CAMERA, rng) is None
-    assert find_rotation(rng.uniform(0.0, 480.0, (4, 2, 2)), CAMERA, rng) is None
-
-
 def test_a_translation_goes_one_way_along_its_epipolar_lines(rng):
     model = models.make("translation")
-    points = exact_tracks(model, rng)
-    normalization = model.normalization(points, CAMERA)
+    points = model.example_tracks(rng, TRACKS)
+    normalization = model.normalization(points, EXAMPLE_CAMERA)
     observed = model.observe(points, normalization)
     fitted, valid = model.fit(observed, np.ones((1, TRACKS)))
     assert valid.all()
@@ -315,8 +239,8 @@ def test_a_translation_goes_one_way_along_its_epipolar_lines(rng):
 
 def test_displacements_are_what_a_translation_leaves_free(rng):
     model = models.make("translation")
-    points = exact_tracks(model, rng)
-    normalization = model.normalization(points, CAMERA)
+    points = model.example_tracks(rng, TRACKS)
+    normalization = model.normalization(points, EXAMPLE_CAMERA)
     observed = model.observe(points, normalization)
     fitted, _ = model.fit(observed, np.ones((1, TRACKS)))
     moved = np.linalg.norm((observed[:, 1] - observed[:, 0]), axis=1) * normalization.scale
@@ -325,45 +249,72 @@ def test_displacements_are_what_a_translation_leaves_free(rng):
     assert models.make("affine").displacements(fitted, observed, normalization) is None
 
 
-def test_linearized_distances_agree_with_finite_differences(rng):
-    first = np.c_[rng.uniform(-0.5, 0.5, (6, 2)), np.ones(6)]
-    directions = rng.normal(size=(1, 3))
-    directions /= np.linalg.norm(directions)
-    # near the constraint, where the gradient in the denominator does not matter
-    space = first * rng.uniform(3.0, 6.0, (6, 1)) + 0.3 * directions
-    second = space / space[:, 2:]
-    still = np.eye(3)[None]
-    error, jacobian = epipolar.linearized(directions, still, first, second)
-    np.testing.assert_allclose(error, 0.0, atol=1e-12)
-    for k in range(5):
-        change = np.zeros((1, 5))
-        change[0, k] = 1e-6
-        ahead = epipolar.linearized(*epipolar.step(directions, still, change), first, second)[0]
-        back = epipolar.linearized(*epipolar.step(directions, still, -change), first, second)[0]
-        np.testing.assert_allclose((ahead - back) / 2e-6, jacobian[..., k], rtol=1e-5, atol=1e-7)
+def test_the_residual_of_a_flat_is_the_distance_in_r4(rng):
+    model = models.make("flat")
+    subset, other = rng.normal(size=(1, 3, 2, 2)), rng.normal(size=(7, 2, 2))
+    found, _ = model.minimal_fit(subset)
+    origin, *directions = subset.reshape(3, 4)
+    basis, _ = np.linalg.qr((np.array(directions) - origin).T)
+    gap = other.reshape(7, 4) - origin
+    expected = ((gap - gap @ basis @ basis.T) ** 2).sum(axis=1)
+    found_squares = model.ranking_sq_residuals(found, other)[:, 0]
+    np.testing.assert_allclose(found_squares, expected, atol=1e-10)
 
 
-def test_rotations_are_orthogonal_and_have_their_angle(rng):
-    vectors = rng.normal(size=(20, 3)) * 0.3
-    matrices = epipolar.rotation(vectors)
+def test_homographies_are_ranked_by_transfer_errors_both_ways(rng):
+    model = models.make("homography")
+    points = model.example_tracks(rng, TRACKS) + rng.normal(0.0, 1.0, (TRACKS, 2, 2))
+    observed = model.observe(points, model.normalization(points))
+    fitted, _ = model.fit(observed, np.ones((1, TRACKS)))
+    unit = Normalization(np.zeros((2, 2)), 1.0)
+    there = model.residuals(fitted, observed, unit)
+    back = model.residuals(np.linalg.inv(fitted), observed[:, ::-1], unit)
     np.testing.assert_allclose(
-        matrices @ np.swapaxes(matrices, 1, 2), np.tile(np.eye(3), (20, 1, 1)), atol=1e-12
+        model.ranking_sq_residuals(fitted, observed).T, there**2 + back**2, rtol=1e-9
     )
-    angles = np.degrees(np.linalg.norm(vectors, axis=1))
-    np.testing.assert_allclose(epipolar.degrees(matrices), angles, rtol=1e-9)
-    np.testing.assert_allclose((matrices @ vectors[..., None])[..., 0], vectors, atol=1e-12)
 
 
-def test_the_rotation_is_found_beside_a_large_moving_body(rng):
-    # 45 % of the matches are a body with a translation of its own
-    space = rng.uniform([-4.0, -2.0, 1.0], [4.0, 2.0, 1.0], (220, 3)) * rng.uniform(4, 20, (220, 1))
-    space[:100] = rng.uniform([1.0, -0.5, 7.0], [3.0, 0.5, 8.0], (100, 3))
-    turn = epipolar.rotation(np.radians([0.1, 0.5, -0.1]))
-    moved = space + np.array([0.02, 0.01, 0.6])
-    moved[:100] += [-0.35, 0.02, -0.2]
-    focal, centre = np.array([CAMERA.fx, CAMERA.fy]), np.array([CAMERA.cx, CAMERA.cy])
-    both = [s[:, :2] / s[:, 2:] * focal + centre for s in (space, moved @ turn.T)]
-    points = np.stack(both, axis=1) + rng.normal(0.0, 0.1, (220, 2, 2))
-    found = find_rotation(points, CAMERA, rng)
-    assert found is not None
-    assert epipolar.degrees(found.rotation @ turn) < 0.03
+def test_residuals_rank_exact_tracks_first(model, scene, rng):
+    _, _, observed = scene
+    mixed = observed.copy()
+    mixed[TRACKS // 2 :] = observed[rng.permutation(TRACKS)[: TRACKS - TRACKS // 2]]
+    mixed[TRACKS // 2 :, 1:] += rng.uniform(0.3, 0.6, mixed[TRACKS // 2 :, 1:].shape)
+    fitted, _ = model.fit(observed, np.ones((1, TRACKS)))
+    squares = model.ranking_sq_residuals(fitted, mixed)
+    assert squares.shape == (TRACKS, 1)
+    assert squares[: TRACKS // 2].max() < 1e-9
+    assert np.median(squares[TRACKS // 2 :]) > 1e-6
+
+
+def test_a_set_knows_its_model(model, scene, rng):
+    _, normalization, observed = scene
+    chosen = subsets(model, rng, 5)
+    found, _ = model.minimal_fit(observed[chosen])
+    entry = HypothesisSet(
+        model.name, model.manifold.name, tuple(range(model.frames)), normalization, chosen, found
+    )
+    again = models.of_set(entry)
+    assert type(again) is type(model)
+    assert again.manifold.name == model.manifold.name
+    for wrong, said in (
+        ({"model": "sphere"}, "no model is called 'sphere'"),
+        ({"frames": (0,)}, "over 1 frames"),
+        ({"manifold": "euclidean(3)"}, "lives on"),
+        ({"points": found[:, :1]}, "not on"),
+    ):
+        with pytest.raises(DataError, match=said):
+            models.of_set(replace(entry, **wrong))
+
+
+def test_auto_means_models_that_accept_the_frames():
+    assert models.automatic(2) == ("affine", "homography")
+    assert models.automatic(3) == models.automatic(40) == ("factorization",)
+    for frames in (2, 3, 40):
+        assert all(models.MODELS[name].accepts(frames) for name in models.automatic(frames))
+
+
+def test_registries_load_what_they_name():
+    for name in NAMES:
+        kind = models.class_named(name)
+        assert kind.name == name
+        assert kind.purpose

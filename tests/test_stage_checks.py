@@ -122,7 +122,8 @@ def change(key: str, value: Any) -> Change:
         (change("model", "sphere"), "no model is called 'sphere'"),
         (change("model", "homography"), "lives on special_linear(3), found affine(2)"),
         (change("model", "factorization"), "model factorization over 2 frames"),
-        (change("manifold", "sphere"), "lives on affine(2), found sphere"),
+        (change("manifold", "sphere"), "no manifold is called 'sphere'"),
+        (change("manifold", "grassmann(3,1)"), "lives on affine(2), found grassmann(3,1)"),
     ],
 )
 def test_a_set_must_fit_its_model(changed: Change, said: str, documents: dict[str, bytes]) -> None:
@@ -144,9 +145,9 @@ def test_where_nothing_moves_there_is_no_motion_and_no_error(documents: dict[str
 
 
 def test_too_few_tracks_are_no_standstill() -> None:
-    assert not nothing_moves(np.zeros(2, np.int64), "affine")
-    assert nothing_moves(np.array([-1, -1, 0]), "affine")
-    assert not nothing_moves(np.array([-1, 0, 0, 0, 0, 0]), "auto")
+    assert not nothing_moves(np.zeros(2, np.int64), ["affine"])
+    assert nothing_moves(np.array([-1, -1, 0]), ["affine"])
+    assert not nothing_moves(np.array([-1, 0, 0, 0, 0, 0]), ["auto"])
 
 
 @pytest.mark.parametrize("model", ["auto", "affine", "homography"])

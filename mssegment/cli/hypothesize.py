@@ -24,6 +24,7 @@ KEYS = (
     "hypothesize.count",
     "hypothesize.sampling",
     "cluster.method",
+    "segment.selection",
     "background.remove",
     "background.min_displacement",
     "camera.file",

@@ -28,12 +28,15 @@ from mssegment.records import (
     Corners,
     Floats,
     Frame,
+    Hypotheses,
     HypothesisSet,
     Integers,
     Mode,
     Motion,
+    Partition,
     Record,
     Segmentation,
+    Strategy,
     Tracks,
 )
 
@@ -105,11 +108,12 @@ class TracksDocument(Document, frozen=True, tag="mssegment/tracks/1"):
         check_tracks(self.tracks, len(self.frames))
 
 
-class HypothesesDocument(Document, frozen=True, tag="mssegment/hypotheses/1"):
+class HypothesesDocument(Document, frozen=True, tag="mssegment/hypotheses/2"):
     """What ``hypothesize`` writes: sets of points on manifolds, made from the tracks.
 
     ``status`` [P] is 0 for a track that is to be segmented, else the label it keeps (-1
-    background, -2 not judged).
+    background, -2 not judged). ``strategy`` and ``partition`` say how ``cluster`` turns the
+    hypotheses into motions; see :class:`mssegment.records.Hypotheses`.
     """
 
     kind: ClassVar[str] = "hypotheses"
@@ -117,7 +121,14 @@ class HypothesesDocument(Document, frozen=True, tag="mssegment/hypotheses/1"):
 
     tracks: Tracks
     status: Integers
+    strategy: Strategy
     sets: list[HypothesisSet]
+    partition: Partition | None = None
+
+    @property
+    def hypotheses(self) -> Hypotheses:
+        """Strategy and sets as one record."""
+        return Hypotheses(self.strategy, tuple(self.sets), self.partition)
 
     def __post_init__(self) -> None:
         """Raises ValueError where the arrays do not fit the frames or one another."""
@@ -125,9 +136,11 @@ class HypothesesDocument(Document, frozen=True, tag="mssegment/hypotheses/1"):
         check_tracks(self.tracks, len(self.frames))
         check_status(self.status, self.tracks)
         check_sets(self.sets, self.tracks, len(self.frames))
+        if self.sets and (self.strategy == "consensus") != (self.partition is not None):
+            raise ValueError(f"strategy is {self.strategy}, but partition is {self.partition}")
 
 
-class SegmentationDocument(Document, frozen=True, tag="mssegment/segmentation/1"):
+class SegmentationDocument(Document, frozen=True, tag="mssegment/segmentation/2"):
     """What ``cluster`` writes: modes, motions, and one label per track.
 
     ``labels`` [P]: 1..m motions, 0 outlier, -1 background, -2 not judged.
@@ -136,6 +149,7 @@ class SegmentationDocument(Document, frozen=True, tag="mssegment/segmentation/1"
     kind: ClassVar[str] = "segmentation"
     made_by: ClassVar[str] = "cluster"
 
+    strategy: Strategy
     labels: Integers
     motions: tuple[Motion, ...]
     modes: tuple[Mode, ...]
@@ -179,6 +193,6 @@ class SegmentationDocument(Document, frozen=True, tag="mssegment/segmentation/1"
 DOCUMENTS: dict[str, type[Document]] = {
     "mssegment/corners/1": CornersDocument,
     "mssegment/tracks/1": TracksDocument,
-    "mssegment/hypotheses/1": HypothesesDocument,
-    "mssegment/segmentation/1": SegmentationDocument,
+    "mssegment/hypotheses/2": HypothesesDocument,
+    "mssegment/segmentation/2": SegmentationDocument,
 }

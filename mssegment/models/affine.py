@@ -6,7 +6,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from mssegment import manifolds
+from mssegment.manifolds import AffineGroup
 from mssegment.models.base import Flags, MotionModel, weighted_sums
 from mssegment.records import Floats, Normalization
 
@@ -22,12 +22,21 @@ class Affine(MotionModel):
     """x2 = A x1 + b; an elemental subset is three matches, the residual is the transfer error."""
 
     name: ClassVar[str] = "affine"
+    purpose: ClassVar[str] = "objects that move and turn"
+    in_auto: ClassVar[bool] = True
+    is_local: ClassVar[bool] = True
 
     def __init__(self) -> None:
-        self.manifold = manifolds.from_name("affine(2)")
+        self.manifold = AffineGroup()
         self.subset_size = 3
         self.parameters = 6
         self.residual_dimension = 2
+
+    def example_tracks(self, rng: np.random.Generator, count: int) -> Floats:
+        """Points under a map that turns, stretches and shifts."""
+        x = rng.uniform([50.0, 50.0], [300.0, 250.0], (count, 2))
+        linear = np.array([[1.1, -0.1], [0.15, 0.95]]) + rng.uniform(-0.05, 0.05, (2, 2))
+        return np.stack([x, x @ linear.T + rng.uniform(-15.0, 15.0, 2)], axis=1)
 
     def minimal_fit(self, samples: Floats) -> tuple[Floats, Flags]:
         """Three matches [B, 3, 2, 2] give A exactly; slivers and wild stretches are unsound."""
@@ -102,12 +111,6 @@ class Affine(MotionModel):
             np.sqrt(across, out=across)
             across *= normalization.scale
         return errors
-
-    def algebraic_residuals(
-        self, points: Floats, observed: Floats, normalization: Normalization
-    ) -> Floats:
-        """The transfer error again: pixels, as in the table of Fig. 4."""
-        return self.residuals(points, observed, normalization)
 
     def _checked(self, linear: Floats, shift: Floats, valid: Flags) -> tuple[Floats, Flags]:
         points = np.zeros((len(linear), 3, 3))

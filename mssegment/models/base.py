@@ -1,61 +1,124 @@
-"""What a motion model is: an elemental subset, two fits, a residual, and the manifold it lives on.
+"""What a motion model is: an elemental subset, fits, residuals, and the manifold it lives on.
 
-Everything is batched: B hypotheses at a time against P tracks. Observations are coordinates, not
-pixels: ``normalization`` says how the model wants to see the tracks, ``records.Coordinates`` keeps
-it, and residuals come back in pixels.
+Everything is batched: B hypotheses at a time against P tracks. A model sees the tracks normalized
+(``normalization`` says how, ``records.Normalization`` keeps it); residuals come back in pixels.
 """
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Sequence
 from typing import ClassVar
 
 import numpy as np
 import numpy.typing as npt
 
+from mssegment.errors import DataError
 from mssegment.manifolds import Manifold
 from mssegment.records import Camera, Floats, Normalization
 
 Flags = npt.NDArray[np.bool_]
 
+EXAMPLE_CAMERA = Camera(800.0, 780.0, 320.0, 240.0)
+"""The camera that took the example tracks of calibrated models."""
+
 
 class MotionModel(ABC):
     """One motion model for a given number of frames.
 
-    A model adds its parameters, its residual and its fits; sampling, mean shift and selection are
-    the same for every model.
+    A model brings its manifold, its elemental subset, its fits and its residual; sampling, mean
+    shift and selection are the same for every model. Where models differ otherwise, the class
+    variables below say so; no code asks for a model's name.
+
+    Attributes
+    ----------
+    manifold
+        Where the hypotheses are points.
+    subset_size
+        Tracks in an elemental subset.
+    parameters
+        Degrees of freedom of one motion.
+    residual_dimension
+        Dimension c of the residual of one track, in the likelihood of a track.
+    residual_terms
+        The squared residual vector of a track is this times its residual squared: 1, or F where
+        the residual is per frame. With noise sigma in each coordinate its mean is c sigma^2.
     """
 
     name: ClassVar[str]
+    purpose: ClassVar[str]
+    """What to use the model for, in a few words."""
+    in_auto: ClassVar[bool] = False
+    """``hypothesize.model: auto`` tries this model on tracks over the frames that it can see."""
     needs_camera: ClassVar[bool] = False
+    assumes_no_rotation: ClassVar[bool] = False
+    """The rotation of the camera must be compensated before."""
     min_frames: ClassVar[int] = 2
     max_frames: ClassVar[int | None] = 2
+    has_ranks: ClassVar[bool] = False
+    """The rank k of its subspaces may be chosen: 3 planar, 4 general."""
     min_displacement: ClassVar[float] = 0.0
     """Pixels; a match that moved less says nothing about a motion and is in no subset."""
+    leaves_parallax_free: ClassVar[bool] = False
+    """A motion and a point of one frame do not give the points of the other frames."""
+    planar_under_perspective: ClassVar[bool] = False
+    """A motion is that of a plane under perspective, which may be part of a larger body."""
+    is_local: ClassVar[bool] = False
+    """Hypotheses hold near their elemental subset only, as those of a plane or a patch."""
+    neighbours: ClassVar[int] = 12
+    """In long sequences a subset is a seed and some of so many nearest tracks."""
+    marked_share: ClassVar[float] = 0.1
+    """Share of a set's hypotheses, those that fit a track best, that the track marks."""
 
     manifold: Manifold
     frames: int = 2
     subset_size: int
-    """Tracks in an elemental subset."""
     parameters: int
-    """Degrees of freedom of one motion: p in the price of a motion."""
     residual_dimension: int
-    """Dimension c of the residual of one track, in the likelihood of a track."""
     residual_terms: int = 1
-    """The squared residual vector of a track is this times its residual squared: 1, or F where
-    the residual is per frame. With noise sigma in each coordinate its mean is c sigma^2."""
 
     @classmethod
     def build(cls, frames: int, rank: int) -> MotionModel:
-        """The model for tracks over ``frames`` frames; only ``factorization`` has a ``rank``."""
+        """The model for tracks over ``frames`` frames; ``rank`` where it ``has_ranks``."""
         del frames, rank
         return cls()
 
-    def normalization(self, points: Floats, camera: Camera | None = None) -> Normalization:
-        """The coordinates in which this model sees the tracks ``points`` [P, F, 2] (pixels).
+    @classmethod
+    def on_manifold(cls, manifold: Manifold, frames: int) -> MotionModel:
+        """The model whose hypotheses over ``frames`` frames lie on ``manifold``.
 
-        Each view is centred, all are divided by their common rms radius (raw pixels make the
-        distance on the manifold a matter of the picture's corner).
+        Raises DataError where there is none.
+        """
+        if frames < cls.min_frames or frames > (cls.max_frames or frames):
+            raise DataError(f"model {cls.name} over {frames} frames")
+        model = cls._for_manifold(manifold, frames)
+        if model.manifold.name != manifold.name:
+            raise DataError(
+                f"model {cls.name} over {frames} frames lives on {model.manifold.name}, "
+                f"found {manifold.name}"
+            )
+        return model
+
+    @classmethod
+    def _for_manifold(cls, manifold: Manifold, frames: int) -> MotionModel:
+        """The model that ``manifold`` suggests; ``on_manifold`` checks that it is the right one."""
+        del manifold
+        return cls.build(frames, 3)
+
+    @classmethod
+    def accepts(cls, frames: int) -> bool:
+        """Whether the model is one of tracks over so many frames."""
+        return cls.min_frames <= frames <= (cls.max_frames or frames)
+
+    @abstractmethod
+    def example_tracks(self, rng: np.random.Generator, count: int) -> Floats:
+        """Exact tracks of one random motion, [count, F, 2] pixels; ``EXAMPLE_CAMERA`` took them."""
+
+    def normalization(self, points: Floats, camera: Camera | None = None) -> Normalization:
+        """How this model sees the tracks ``points`` [P, F, 2] (pixels).
+
+        Each view is centred, all are divided by their common rms radius (in raw pixels the distance
+        on the manifold would depend on the corner of the picture).
         """
         del camera
         centres = points.mean(axis=0)
@@ -63,7 +126,7 @@ class MotionModel(ABC):
         return Normalization(centres, max(radius, 1.0))
 
     def observe(self, points: Floats, normalization: Normalization) -> Floats:
-        """The tracks [P, F, 2] in the model's coordinates."""
+        """The tracks [P, F, 2] (pixels), normalized."""
         return np.asarray((points - normalization.centres) / normalization.scale)
 
     @abstractmethod
@@ -91,11 +154,22 @@ class MotionModel(ABC):
         Or of each motion from tracks of its own, [B, n, F, 2], [B, n].
         """
 
-    @abstractmethod
     def algebraic_residuals(
         self, points: Floats, observed: Floats, normalization: Normalization
     ) -> Floats:
-        """|M(p_i)| of equations (23) and (24), [B, P], in the units of the paper's table."""
+        """|M(p_i)| of equations (23) and (24), [B, P], in the units of the paper's table.
+
+        For models of two views the residual itself, pixels.
+        """
+        return self.residuals(points, observed, normalization)
+
+    def ranking_sq_residuals(self, points: Floats, observed: Floats) -> Floats:
+        """Squared residuals that rank the hypotheses [B, ...] for each track, [P, B].
+
+        Normalized coordinates; tracks come first because each is ranked by itself.
+        """
+        unit = Normalization(np.zeros((self.frames, 2)), 1.0)
+        return np.asarray(self.residuals(points, observed, unit).T ** 2)
 
     def orientations(self, points: Floats) -> Floats:
         """The motions that the points [B, ...] of the manifold may stand for, one or more each.
@@ -110,6 +184,11 @@ class MotionModel(ABC):
         """How far each track moved where the motions [B, ...] leave it free, pixels [B, P]."""
         del points, observed, normalization
         return None
+
+    def remarks(self, labels: Sequence[int], points: Floats) -> tuple[str, ...]:
+        """What a user should know about the motions ``points`` [m, ...] with these labels."""
+        del labels, points
+        return ()
 
     def free_extent(self, observed: Floats, normalization: Normalization) -> float:
         """Natural log of the extent (pixels) along which a motion leaves a track free.

@@ -6,7 +6,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from mssegment import manifolds
+from mssegment.manifolds import Grassmann, Manifold
 from mssegment.models.base import Flags, MotionModel, concentrated
 from mssegment.records import Camera, Floats, Normalization
 
@@ -24,13 +24,22 @@ class Factorization(MotionModel):
     """
 
     name: ClassVar[str] = "factorization"
+    purpose: ClassVar[str] = "clips, tracks of your own tracker"
+    in_auto: ClassVar[bool] = True
+    has_ranks: ClassVar[bool] = True
+    leaves_parallax_free: ClassVar[bool] = True
+    marked_share: ClassVar[float] = 0.05
     min_frames: ClassVar[int] = 3
     max_frames: ClassVar[int | None] = None
 
-    def __init__(self, frames: int, rank: int = 3) -> None:
-        self.manifold = manifolds.from_name(f"grassmann({2 * frames},{rank})")
+    def __init__(
+        self, frames: int, rank: int = 3, least_singular_value: float = LEAST_SINGULAR_VALUE
+    ) -> None:
+        """For ``frames`` frames; a subset is valid above ``least_singular_value``."""
+        self.manifold = Grassmann(2 * frames, rank)
         self.frames = frames
         self.rank = rank
+        self.least_singular_value = least_singular_value
         self.subset_size = rank
         self.parameters = rank * (2 * frames - rank)
         self.residual_dimension = 2 * frames - rank
@@ -40,6 +49,16 @@ class Factorization(MotionModel):
     def build(cls, frames: int, rank: int) -> Factorization:
         """Subspaces of dimension ``rank`` in R^(2 ``frames``)."""
         return cls(frames, rank)
+
+    @classmethod
+    def _for_manifold(cls, manifold: Manifold, frames: int) -> Factorization:
+        return cls(frames, manifold.k if isinstance(manifold, Grassmann) else 3)
+
+    def example_tracks(self, rng: np.random.Generator, count: int) -> Floats:
+        """A body under an affine camera that turns at random from frame to frame."""
+        shape = rng.uniform(-60.0, 60.0, (count, self.rank - 1))
+        views = [shape @ rng.normal(size=(self.rank - 1, 2)) for _ in range(self.frames)]
+        return np.stack([view + rng.uniform(100.0, 400.0, 2) for view in views], axis=1)
 
     def normalization(self, points: Floats, camera: Camera | None = None) -> Normalization:
         """One origin for all frames, the middle of all tracks; divided by their rms radius.
@@ -56,7 +75,7 @@ class Factorization(MotionModel):
         """The span of k feature vectors [B, k, F, 2] by an SVD; fewer dimensions are unsound."""
         vectors = np.swapaxes(samples.reshape(len(samples), self.rank, 2 * self.frames), 1, 2)
         basis, values, _ = np.linalg.svd(vectors, full_matrices=False)
-        valid = values[:, -1] > LEAST_SINGULAR_VALUE * np.maximum(values[:, 0], 1e-12)
+        valid = values[:, -1] > self.least_singular_value * np.maximum(values[:, 0], 1e-12)
         return basis, np.asarray(valid)
 
     def fit(self, observed: Floats, weights: Floats) -> tuple[Floats, Flags]:
@@ -97,6 +116,14 @@ class Factorization(MotionModel):
         across = across - (points[motion] @ along[motion, track, :, None])[..., 0]
         squared[motion, track] = (across**2).sum(axis=1)
         return np.asarray(np.sqrt(squared) * normalization.scale)
+
+    def ranking_sq_residuals(self, points: Floats, observed: Floats) -> Floats:
+        """Squared distances of the feature vectors to the subspaces, [P, B]."""
+        vectors = observed.reshape(len(observed), -1)
+        apart = np.repeat((vectors**2).sum(axis=1)[:, None], len(points), axis=1)
+        for k in range(points.shape[2]):
+            apart -= (vectors @ points[:, :, k].T) ** 2
+        return np.asarray(np.maximum(apart, 0.0))
 
     def free_extent(self, observed: Floats, normalization: Normalization) -> float:
         """The place of a track in the first frame, and k - 2 more coordinates in the subspace.

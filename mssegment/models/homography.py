@@ -6,7 +6,13 @@ from typing import ClassVar
 
 import numpy as np
 
-from mssegment import manifolds
+from mssegment.geometry.projective import (
+    homogeneous,
+    homogeneous_rows,
+    transfer,
+    transfer_sq_error,
+)
+from mssegment.manifolds import SL3
 from mssegment.models.affine import is_flat, is_plausible
 from mssegment.models.base import Flags, MotionModel, concentrated
 from mssegment.records import Floats, Integers, Normalization
@@ -23,12 +29,25 @@ class Homography(MotionModel):
     """x2 ~ H x1; an elemental subset is four matches, the residual the transfer error."""
 
     name: ClassVar[str] = "homography"
+    purpose: ClassVar[str] = "planes, buildings"
+    in_auto: ClassVar[bool] = True
+    planar_under_perspective: ClassVar[bool] = True
+    is_local: ClassVar[bool] = True
+    neighbours: ClassVar[int] = 14
 
     def __init__(self) -> None:
-        self.manifold = manifolds.from_name("special_linear(3)")
+        self.manifold = SL3()
         self.subset_size = 4
         self.parameters = 8
         self.residual_dimension = 2
+
+    def example_tracks(self, rng: np.random.Generator, count: int) -> Floats:
+        """Points under a map with some perspective."""
+        x = rng.uniform([50.0, 50.0], [300.0, 250.0], (count, 2))
+        matrix = np.array([[1.1, 0.1, 5.0], [-0.1, 0.9, 8.0], [2e-4, -1e-4, 1.0]])
+        matrix[:2] += rng.uniform(-0.05, 0.05, (2, 3)) * [1.0, 1.0, 100.0]
+        u, v, _ = transfer(matrix[None], homogeneous_rows(x))
+        return np.stack([x, np.stack([u[0], v[0]], axis=1)], axis=1)
 
     def minimal_fit(self, samples: Floats) -> tuple[Floats, Flags]:
         """Four matches [B, 4, 2, 2], in closed form.
@@ -76,8 +95,8 @@ class Homography(MotionModel):
         return self._checked(points, middle, valid)
 
     def residuals(self, points: Floats, observed: Floats, normalization: Normalization) -> Floats:
-        """Transfer error in view 2, pixels [B, P]; infinite for points that H sends behind."""
-        across, down, depth = _images(points.reshape(-1, 9), _rays(observed[..., 0, :]))
+        """Transfer error in view 2, pixels [B, P]; infinite for points that H maps behind."""
+        across, down, depth = transfer(points, homogeneous_rows(observed[..., 0, :]))
         across -= observed[..., 1, 0]
         down -= observed[..., 1, 1]
         across *= across
@@ -87,20 +106,12 @@ class Homography(MotionModel):
         error *= normalization.scale
         return np.where(depth > 0, error, np.inf)
 
-    def symmetric_residuals(
-        self, points: Floats, observed: Floats, normalization: Normalization
-    ) -> Floats:
-        """Root mean square of the transfer errors both ways, pixels [B, P]."""
-        there = self.residuals(points, observed, normalization)
-        inverse = np.asarray(np.linalg.inv(points), dtype=np.float64)
-        back = self.residuals(inverse, observed[:, ::-1], normalization)
-        return np.sqrt((there**2 + back**2) / 2)
-
-    def algebraic_residuals(
-        self, points: Floats, observed: Floats, normalization: Normalization
-    ) -> Floats:
-        """The transfer error again, pixels."""
-        return self.residuals(points, observed, normalization)
+    def ranking_sq_residuals(self, points: Floats, observed: Floats) -> Floats:
+        """Squared transfer errors both ways, added; infinite where H maps behind a camera."""
+        first, second = observed[:, 0], observed[:, 1]
+        there = transfer_sq_error(points, homogeneous_rows(first), second)
+        inverse = np.asarray(np.linalg.inv(points))
+        return np.asarray((there + transfer_sq_error(inverse, homogeneous_rows(second), first)).T)
 
     def _checked(self, points: Floats, middle: Floats, valid: Flags) -> tuple[Floats, Flags]:
         """Scales to determinant one; sound where H is plausible at the ``middle`` [B, 2]."""
@@ -111,46 +122,22 @@ class Homography(MotionModel):
         valid = valid & finite & np.asarray(np.abs(determinant) > 1e-12 * largest**3)
         determinant = np.where(valid, determinant, 1.0)
         points = points / np.cbrt(determinant)[:, None, None]
-        image, depth = _project(points, np.asarray(middle)[:, None])
-        valid = np.asarray(valid & (depth[:, 0] > 0))
+        rows = homogeneous_rows(np.asarray(middle)[:, None])
+        x, y, depth = (row[:, 0] for row in transfer(points, rows))
+        image = np.stack([x, y], axis=1)
+        valid = np.asarray(valid & (depth > 0))
         # derivative of the map at the middle of its matches
-        linear = points[:, :2, :2] - image[:, 0, :, None] * points[:, None, 2, :2]
-        linear = linear / np.where(valid, depth[:, 0], 1.0)[:, None, None]
+        linear = points[:, :2, :2] - image[:, :, None] * points[:, None, 2, :2]
+        linear = linear / np.where(valid, depth, 1.0)[:, None, None]
         return points, np.asarray(valid & is_plausible(linear))
-
-
-def _project(points: Floats, x: Floats) -> tuple[Floats, Floats]:
-    """H x for x [P, 2] or [B, P, 2]: images [B, P, 2] and homogeneous depths [B, P]."""
-    image = x @ np.swapaxes(points[:, :, :2], 1, 2) + points[:, None, :, 2]
-    depth = np.asarray(image[..., 2])
-    safe = np.where(np.abs(depth) > 1e-12, depth, 1e-12)
-    return image[..., :2] / safe[..., None], depth
 
 
 def _projective_basis(corners: Floats, valid: Flags) -> tuple[Floats, Floats]:
     """The first three corners [B, 4, 2] as columns, and the fourth in that basis."""
-    rays = np.concatenate([corners, np.ones((*corners.shape[:-1], 1))], axis=-1)
+    rays = homogeneous(corners)
     basis = np.where(valid[:, None, None], np.swapaxes(rays[:, :3], 1, 2), np.eye(3))
     fourth = np.where(valid[:, None], rays[:, 3], 1.0)
     return basis, np.linalg.solve(basis, fourth[..., None])[..., 0]
-
-
-def _rays(x: Floats) -> Floats:
-    """Points [..., P, 2] as rows x, y and 1, [..., 3, P]."""
-    return np.swapaxes(np.concatenate([x, np.ones((*x.shape[:-1], 1))], axis=-1), -1, -2)
-
-
-def _images(rows: Floats, rays: Floats) -> tuple[Floats, Floats, Floats]:
-    """H x for matrices ``rows`` [B, 9] and ``rays`` [3, P] or [B, 3, P]: x, y, depth, [B, P]."""
-    across, down, depth = (_product(rows[:, i : i + 3], rays) for i in (0, 3, 6))
-    inverse = 1.0 / np.where(np.abs(depth) > 1e-12, depth, 1e-12)
-    across *= inverse
-    down *= inverse
-    return across, down, depth
-
-
-def _product(row: Floats, rays: Floats) -> Floats:
-    return np.asarray(row @ rays if rays.ndim == 2 else (row[:, None] @ rays)[:, 0])
 
 
 def _monomials(x: Floats) -> Floats:
@@ -181,7 +168,7 @@ def _transfer_step(
 ) -> Floats:
     """The Gauss-Newton step [B, 8] of the transfer error."""
     rows = np.concatenate([parameters, np.ones((len(parameters), 1))], axis=1)
-    u, v, depth = _images(rows, np.swapaxes(monomials[..., 3:], -1, -2))
+    u, v, depth = transfer(rows, np.swapaxes(monomials[..., 3:], -1, -2))
     inverse = 1.0 / np.where(np.abs(depth) > 1e-6, depth, 1e-6)
     pull = weights * inverse
     # the weights of seven sums over the tracks: those of 1, u, v, u^2 + v^2, and the three gaps

@@ -2,18 +2,29 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import ClassVar
 
 import numpy as np
 
-from mssegment import manifolds
-from mssegment.geometry.epipolar import cheirality_residual_sq, cross, distances
-from mssegment.models.base import Flags, MotionModel, concentrated
+from mssegment.geometry.epipolar import (
+    cheirality_residual_sq,
+    cross,
+    translation_errors,
+    translation_jacobian,
+)
+from mssegment.geometry.levenberg_marquardt import State, minimize
+from mssegment.geometry.projective import homogeneous
+from mssegment.geometry.rotations import rotate_rays, step_on_sphere
+from mssegment.manifolds import Grassmann
+from mssegment.models.base import EXAMPLE_CAMERA, Flags, MotionModel, concentrated
 from mssegment.records import Camera, Floats, Integers, Normalization
 
 LEAST_SINE = 0.01
 """Sine of the angle between the two rows below which their cross product is noise."""
-GAUSS_NEWTON_ROUNDS = 8
+NEAR_AXIS = 15.0
+"""Degrees from the optical axis within which a translation counts as along it."""
+FIT_ROUNDS = 8
 CONVERGED = 1e-6
 """Relative change of the error at which a fit is done."""
 
@@ -28,14 +39,26 @@ class Translation(MotionModel):
     """
 
     name: ClassVar[str] = "translation"
+    purpose: ClassVar[str] = "a camera and bodies that translate"
     needs_camera: ClassVar[bool] = True
+    assumes_no_rotation: ClassVar[bool] = True
+    leaves_parallax_free: ClassVar[bool] = True
     min_displacement: ClassVar[float] = 2.0
 
     def __init__(self) -> None:
-        self.manifold = manifolds.from_name("grassmann(3,1)")
+        self.manifold = Grassmann(3, 1)
         self.subset_size = 2
         self.parameters = 2
         self.residual_dimension = 1
+
+    def example_tracks(self, rng: np.random.Generator, count: int) -> Floats:
+        """Points at several depths that translate in front of ``EXAMPLE_CAMERA``."""
+        camera = EXAMPLE_CAMERA
+        focal, middle = np.array([camera.fx, camera.fy]), np.array([camera.cx, camera.cy])
+        x = rng.uniform([50.0, 50.0], [300.0, 250.0], (count, 2))
+        space = homogeneous((x - middle) / focal) * rng.uniform(3.0, 5.0, (count, 1))
+        moved = space + np.array([0.12, -0.08, 0.2]) * rng.uniform(0.8, 1.2, 3)
+        return np.stack([s[:, :2] / s[:, 2:] * focal + middle for s in (space, moved)], axis=1)
 
     def normalization(self, points: Floats, camera: Camera | None = None) -> Normalization:
         """Calibrated rays (x, y, 1): the principal point is the origin, the focal length 1.
@@ -52,8 +75,7 @@ class Translation(MotionModel):
         focal = normalization.scale * np.array([1.0, normalization.aspect])
         observed = np.asarray((points - normalization.centres) / focal)
         if normalization.rotation is not None:
-            turned = rays(observed[:, 1]) @ normalization.rotation.T
-            observed[:, 1] = turned[:, :2] / turned[:, 2:]
+            observed[:, 1] = rotate_rays(_rays(observed)[1], normalization.rotation)[:, :2]
         return observed
 
     def minimal_fit(self, samples: Floats) -> tuple[Floats, Flags]:
@@ -68,35 +90,28 @@ class Translation(MotionModel):
         return oriented(axis, samples, np.ones(samples.shape[:2]))[..., None], valid
 
     def fit(self, observed: Floats, weights: Floats) -> tuple[Floats, Flags]:
-        """Least squares of the Sampson distance: (25) first, then Gauss-Newton on the sphere.
+        """Least squares of the Sampson distance, by Levenberg-Marquardt from that of (25).
 
-        (25) weighs a match by its distance from the epipole and is biased; a damped step that
-        would raise the error is not taken.
+        (25) weighs a match by its distance from the epipole and is biased.
         """
         weights, matches = concentrated(weights, observed)
         points, valid = self.algebraic_fit(matches, weights)
-        direction = points[..., 0]
-        damping = np.full(len(weights), 1e-3)
-        error, jacobian = sampson(direction, matches)
-        cost = (weights * error**2).sum(axis=1)
-        moving = np.arange(len(weights))
-        for _ in range(GAUSS_NEWTON_ROUNDS):
-            own, here = weights[moving], _of(matches, moving)
-            step = _sphere_step(direction[moving], own, error, jacobian, damping[moving])
-            proposed = direction[moving] + step
-            proposed /= np.linalg.norm(proposed, axis=1, keepdims=True)
-            new_error, new_jacobian = sampson(proposed, here)
-            new_cost = (own * new_error**2).sum(axis=1)
-            better = new_cost < cost[moving]
-            settled = np.abs(new_cost - cost[moving]) <= CONVERGED * cost[moving]
-            direction[moving[better]] = proposed[better]
-            cost[moving[better]] = new_cost[better]
-            damping[moving] *= np.where(better, 0.1, 10.0)
-            error = np.where(better[:, None], new_error, error)[~settled]
-            jacobian = np.where(better[:, None, None], new_jacobian, jacobian)[~settled]
-            moving = moving[~settled]
-            if not len(moving):
-                break
+
+        def linearize(state: State, rows: Integers) -> tuple[Floats, Floats]:
+            own = matches if matches.ndim == 3 else matches[rows]
+            return translation_jacobian(state[0], *_rays(own))
+
+        def retract(state: State, steps: Floats) -> State:
+            return (step_on_sphere(state[0], steps),)
+
+        (direction,) = minimize(
+            (points[..., 0],),
+            linearize,
+            retract,
+            rounds=FIT_ROUNDS,
+            weights=weights,
+            tolerance=CONVERGED,
+        )
         return oriented(direction, matches, weights)[..., None], valid
 
     def algebraic_fit(self, observed: Floats, weights: Floats) -> tuple[Floats, Flags]:
@@ -109,16 +124,15 @@ class Translation(MotionModel):
 
     def residuals(self, points: Floats, observed: Floats, normalization: Normalization) -> Floats:
         """Distance from the half of the epipolar line on the side of t, pixels [B, P]."""
-        first, second = rays(observed[..., 0, :]), rays(observed[..., 1, :])
-        squares = cheirality_residual_sq(*distances(points[..., 0], first, second))
+        errors = translation_errors(points[..., 0], *_rays(observed))
+        squares = cheirality_residual_sq(*errors)
         return np.asarray(np.sqrt(squares) * normalization.scale)
 
     def displacements(
         self, points: Floats, observed: Floats, normalization: Normalization
     ) -> Floats | None:
         """Along the half of the epipolar line on the side of t, pixels [B, P], at least zero."""
-        first, second = rays(observed[:, 0]), rays(observed[:, 1])
-        along = distances(points[..., 0], first, second)[1]
+        along = translation_errors(points[..., 0], *_rays(observed))[1]
         return np.maximum(along * normalization.scale, 0.0)
 
     def orientations(self, points: Floats) -> Floats:
@@ -131,6 +145,25 @@ class Translation(MotionModel):
         """|t . (x1 x x2)| of equation (25), normalised coordinates."""
         return np.asarray(np.abs(points[:, :, 0] @ constraint_rows(observed).T))
 
+    def remarks(self, labels: Sequence[int], points: Floats) -> tuple[str, ...]:
+        """A warning where directions lie along the optical axis.
+
+        Bodies that move along the optical axis with the camera, or against it, all have the same
+        direction of translation, however fast.
+        """
+        axial = [
+            str(label)
+            for label, direction in zip(labels, points[..., 0], strict=True)
+            if _degrees_from_axis(direction) < NEAR_AXIS
+        ]
+        if not axial:
+            return ()
+        return (
+            f"motion {', '.join(axial)} lies along the optical axis: bodies that move along it "
+            "too, at any speed, have the same direction and cannot be told apart by model "
+            "translation; choose model affine or factorization for them",
+        )
+
     def free_extent(self, observed: Floats, normalization: Normalization) -> float:
         """Along its half of the epipolar line a match may move as far as any match does."""
         shift = (observed[:, 1] - observed[:, 0]) * normalization.scale
@@ -142,67 +175,20 @@ def oriented(directions: Floats, matches: Floats, weights: Floats) -> Floats:
 
     ``matches`` are [n, 2, 2] or [B, n, 2, 2].
     """
-    first, second = rays(matches[..., 0, :]), rays(matches[..., 1, :])
-    along = distances(directions, first, second)[1]
+    along = translation_errors(directions, *_rays(matches))[1]
     return np.where((weights * along).sum(axis=1, keepdims=True) < 0, -directions, directions)
 
 
+def _degrees_from_axis(direction: Floats) -> float:
+    cosine = abs(direction[2]) / np.linalg.norm(direction)
+    return float(np.degrees(np.arccos(min(cosine, 1.0))))
+
+
 def constraint_rows(observed: Floats) -> Floats:
-    """x1 x x2 of equation (25) for matches [..., 2, 2] in normalised coordinates, [..., 3]."""
-    return cross(rays(observed[..., 0, :]), rays(observed[..., 1, :]))
+    """x1 x x2 of equation (25) for matches [..., 2, 2] in normalized coordinates, [..., 3]."""
+    return cross(*_rays(observed))
 
 
-def _gradient_square(directions: Floats, observed: Floats) -> Floats:
-    """Squared gradient of (25) by the four coordinates of a match, [B, P]."""
-    t = directions[:, None, :]
-    total = np.zeros((len(directions), observed.shape[-3]))
-    for view in (0, 1):
-        x, y = observed[..., view, 0], observed[..., view, 1]
-        total += (t[..., 2] * y - t[..., 1]) ** 2 + (t[..., 2] * x - t[..., 0]) ** 2
-    return total
-
-
-def sampson(directions: Floats, observed: Floats) -> tuple[Floats, Floats]:
-    """Signed Sampson distances [B, P] and their derivatives by the unit directions [B, P, 3].
-
-    ``observed``, [P, 2, 2] or [B, P, 2, 2], and the distances are in normalised coordinates.
-    """
-    rows = constraint_rows(observed)
-    square = np.maximum(_gradient_square(directions, observed), 1e-18)
-    length = np.sqrt(square)
-    error = (rows @ directions[:, :, None])[..., 0] / length
-    t = directions[:, None, :]
-    half_slope = np.zeros((*square.shape, 3))
-    for view in (0, 1):
-        x, y = observed[..., view, 0], observed[..., view, 1]
-        across, down = t[..., 2] * x - t[..., 0], t[..., 2] * y - t[..., 1]
-        half_slope[..., 0] -= across
-        half_slope[..., 1] -= down
-        half_slope[..., 2] += across * x + down * y
-    jacobian = rows / length[..., None] - (error / square)[..., None] * half_slope
-    return error, jacobian
-
-
-def _of(matches: Floats, index: Integers) -> Floats:
-    """The matches of the fits ``index`` where each fit has its own."""
-    return matches if matches.ndim == 3 else matches[index]
-
-
-def _sphere_step(
-    directions: Floats, weights: Floats, error: Floats, jacobian: Floats, damping: Floats
-) -> Floats:
-    """The damped Gauss-Newton step [B, 3] in the tangent planes of the ``directions``."""
-    outwards = directions[:, :, None] * directions[:, None, :]
-    project = np.eye(3) - outwards
-    weighted = np.swapaxes(jacobian * weights[..., None], 1, 2)
-    normal = project @ (weighted @ jacobian) @ project
-    side = project @ (weighted @ error[..., None])
-    trace = np.trace(normal, axis1=1, axis2=2)[:, None, None] + 1e-300
-    # the direction itself is a null vector: give it any curvature
-    normal = normal + trace * (damping[:, None, None] * np.eye(3) + outwards)
-    return np.asarray(-np.linalg.solve(normal, side)[..., 0])
-
-
-def rays(observed: Floats) -> Floats:
-    """Normalised coordinates [..., 2] as (x, y, 1)."""
-    return np.concatenate([observed, np.ones((*observed.shape[:-1], 1))], axis=-1)
+def _rays(observed: Floats) -> tuple[Floats, Floats]:
+    """The rays (x, y, 1) [..., P, 3] of both views of matches [..., P, 2, 2]."""
+    return homogeneous(observed[..., 0, :]), homogeneous(observed[..., 1, :])

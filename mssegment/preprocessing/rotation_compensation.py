@@ -12,20 +12,16 @@ from __future__ import annotations
 import numpy as np
 
 from mssegment.geometry.epipolar import (
-    TINY,
     cheirality_residual_sq,
     cross,
-    damped_step,
-    degrees,
-    distances,
-    linearized,
-    rotation,
-    solve,
-    step,
-    tangent_basis,
-    turn,
+    rotated_translation_jacobian,
+    step_rotated_translation,
+    translation_errors,
 )
-from mssegment.models.translation import Translation, rays
+from mssegment.geometry.levenberg_marquardt import State, damped_step, minimize
+from mssegment.geometry.projective import homogeneous
+from mssegment.geometry.rotations import degrees, rotate_rays, rotation, step_on_sphere
+from mssegment.models.translation import Translation
 from mssegment.neighbours import nearest
 from mssegment.records import Camera, Floats, Integers, Record
 
@@ -105,7 +101,7 @@ def find_rotation(
     moved = np.linalg.norm(points[:, 1] - points[:, 0], axis=1)
     if np.count_nonzero(moved >= LEAST_MOTION) <= SUBSET_SIZE:
         return None
-    matches = rays(model.observe(points, normalization))
+    matches = homogeneous(model.observe(points, normalization))
     extent = 2 * float(moved.max())
     every = _matches(points, matches, normalization.scale, extent, np.arange(len(points)))
     some = np.sort(rng.permutation(len(points))[:SAMPLE])
@@ -150,16 +146,34 @@ def _candidates(
     starts = np.linalg.eigh(np.swapaxes(rows, 1, 2) @ rows)[1][:, :, 0]
     # the shift of a camera that turned looks sideways: start from straight ahead as well
     starts[::2] = [0.0, 0.0, 1.0]
-    directions, rotations = solve(starts, first, second, ROUNDS)
+    directions, rotations = _fit_rotated_translations(starts, first, second)
     small = degrees(rotations) < LARGEST
     directions, rotations = directions[small], rotations[small]
-    fit = distances(directions, sample.first, turn(sample.second, rotations))
+    fit = translation_errors(directions, sample.first, rotate_rays(sample.second, rotations))
     squares = [cheirality_residual_sq(*fit, sign) for sign in (1.0, -1.0)]
     chosen: set[int] = set()
     for scale in SCALES:
         saved = [np.maximum(_gains(q, sample, scale), 0.0).sum(axis=1) for q in squares]
         chosen |= set(np.argsort(-np.maximum(*saved), kind="stable")[:CANDIDATES].tolist())
     return np.concatenate([np.eye(3)[None], rotations[sorted(chosen)]])
+
+
+def _fit_rotated_translations(
+    starts: Floats, first: Floats, second: Floats
+) -> tuple[Floats, Floats]:
+    """Least squares of (t, R) for subsets of rays [B, k, 3], from t = ``starts`` [B, 3], R = I."""
+
+    def linearize(state: State, rows: Integers) -> tuple[Floats, Floats]:
+        directions, rotations = state
+        return rotated_translation_jacobian(directions, rotations, first[rows], second[rows])
+
+    def retract(state: State, steps: Floats) -> State:
+        directions, rotations = state
+        return step_rotated_translation(directions, rotations, steps)
+
+    rotations = np.tile(np.eye(3), (len(starts), 1, 1))
+    directions, rotations = minimize((starts, rotations), linearize, retract, rounds=ROUNDS)
+    return directions, rotations
 
 
 def _subsets(points: Floats, rng: np.random.Generator) -> Integers:
@@ -189,12 +203,12 @@ def _bodies(matches: _Matches, turned: Floats, known: Floats = NONE) -> _Bodies:
     Candidates are the ``known`` directions [n, 3] and those fitted to groups of neighbours; the one
     that saves most comes first, and so on.
     """
-    first, second = matches.first, turn(matches.second, turned[None])[0]
+    first, second = matches.first, rotate_rays(matches.second, turned[None])[0]
     rows = cross(first, second)[matches.groups]
     directions = np.linalg.eigh(np.swapaxes(rows, 1, 2) @ rows)[1][:, :, 0]
     directions = np.concatenate([known, directions])
     count = len(directions)
-    error, along = distances(directions, first, second)
+    error, along = translation_errors(directions, first, second)
     # each direction points where the matches go that it was fitted to
     fitted = np.take_along_axis(along[len(known) :], matches.groups, axis=1).sum(axis=1)
     sign = np.concatenate([along[: len(known)].sum(axis=1), fitted])
@@ -258,10 +272,12 @@ def _polished(matches: _Matches, turned: Floats, bodies: _Bodies) -> tuple[Float
         if own.sum() <= SUBSET_SIZE:
             break
         scale = max(float(np.sqrt(np.median(square[own]))), SCALES[0] / matches.focal / 2)
-        error, jacobian = linearized(direction, rotations, matches.first[own], matches.second[own])
+        error, jacobian = rotated_translation_jacobian(
+            direction, rotations, matches.first[own], matches.second[own]
+        )
         weights = 1 / np.sqrt(scale**2 + error**2)
         steps = damped_step(jacobian * weights[..., None], error * weights, np.full(1, RIDGE))
-        direction, rotations = step(direction, rotations, steps)
+        direction, rotations = step_rotated_translation(direction, rotations, steps)
         square = _squares(matches, direction, rotations)
     share = float((square < (PIXEL / matches.focal) ** 2).mean())
     known = np.concatenate([direction, bodies.directions[1:]])
@@ -272,7 +288,9 @@ def _polished(matches: _Matches, turned: Floats, bodies: _Bodies) -> tuple[Float
 
 def _squares(matches: _Matches, direction: Floats, rotations: Floats) -> Floats:
     """Squared distances [P] from the one motion, on the side where most matches go."""
-    error, along = distances(direction, matches.first, turn(matches.second, rotations))
+    error, along = translation_errors(
+        direction, matches.first, rotate_rays(matches.second, rotations)
+    )
     near = np.abs(error) < PIXEL / matches.focal
     sign = -1.0 if (near * along).sum() < 0 else 1.0
     return np.asarray(cheirality_residual_sq(error, along, sign)[0])
@@ -288,7 +306,7 @@ def _common_turn(matches: _Matches, turned: Floats, bodies: _Bodies) -> tuple[Fl
         for j, own in enumerate(members):
             if not len(own):
                 continue
-            error, jacobian = linearized(
+            error, jacobian = rotated_translation_jacobian(
                 directions[[j]], turned[None], matches.first[own], matches.second[own]
             )
             # the scale of a Cauchy distribution is the median
@@ -297,9 +315,8 @@ def _common_turn(matches: _Matches, turned: Floats, bodies: _Bodies) -> tuple[Fl
             place = np.array([3 + 2 * j, 4 + 2 * j, 0, 1, 2])
             normal[np.ix_(place, place)] += (jacobian[0].T * weights) @ jacobian[0]
             side[place] += (jacobian[0].T * weights) @ error[0]
-        normal += np.diag(RIDGE * np.diag(normal) + TINY)
+        normal += np.diag(RIDGE * np.diag(normal) + 1e-18)
         steps = np.asarray(-np.linalg.solve(normal, side), dtype=np.float64)
-        directions = directions + (tangent_basis(directions) @ steps[3:].reshape(-1, 2, 1))[..., 0]
-        directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+        directions = step_on_sphere(directions, steps[3:].reshape(-1, 2))
         turned = rotation(steps[:3]) @ turned
     return turned, directions

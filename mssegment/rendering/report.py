@@ -150,13 +150,10 @@ def _residual_errors(
     """Equation (23) for our motion and (24) for the least-squares motion of the true inliers."""
     if true_label is None or motion.set_index >= len(sets):
         return None, None
-    from mssegment.models import MODELS, make
+    from mssegment.models import of_set
 
     chosen = sets[motion.set_index]
-    if motion.model not in MODELS:
-        return None, None
-    rank = motion.parameters.shape[-1] if motion.model == "factorization" else 3
-    model = make(motion.model, frames=len(chosen.frames), rank=rank)
+    model = of_set(chosen)
     if motion.parameters.shape != model.manifold.point_shape:
         return None, None
     points = seen[:, list(chosen.frames)]

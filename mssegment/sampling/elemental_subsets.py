@@ -12,7 +12,7 @@ from typing import Literal
 
 import numpy as np
 
-from mssegment import models
+import mssegment.models as motion_models
 from mssegment.errors import DataError, UsageError
 from mssegment.models import Flags, MotionModel
 from mssegment.records import Camera, Floats, HypothesisSet, Integers, Normalization, Record
@@ -55,7 +55,7 @@ class _Scene(Record, frozen=True):
 def hypothesize(
     points: Floats,
     *,
-    model: str = "affine",
+    models: Sequence[str] = ("affine",),
     camera: Camera | None = None,
     count: Count = "auto",
     sampling: Sampling = "local",
@@ -66,37 +66,63 @@ def hypothesize(
 ) -> list[HypothesisSet]:
     """Motion hypotheses from elemental subsets of the tracks ``points`` [P, F, 2] (pixels).
 
-    ``model`` is a name in ``models.MODELS``, or ``auto``: affine and homography, one set each.
-    ``count`` is the number of hypotheses per set, ``auto`` draws until the tracks find no better
-    hypotheses, and few of a second set. ``eligible`` [P] excludes tracks (background); incomplete
-    tracks are in no subset. ``rank`` is that of ``factorization``; ``derotate`` takes the camera's
-    rotation out before ``translation``; ``auto`` where it explains the matches much better
-    (``derotation``).
-    Fewer hypotheses than asked for are returned where no more subsets are confirmed; a model that
-    none confirms has no set.
+    Parameters
+    ----------
+    points
+        Tracks [P, F, 2], pixels, NaN where a point is not visible; incomplete tracks are in no
+        subset.
+    models
+        Names in ``models.MODELS``, one set each.
+    camera
+        The calibration, for models that need one.
+    count
+        Hypotheses per set; ``auto`` draws until further hypotheses explain the tracks no better,
+        and fewer for the second set.
+    sampling
+        ``local`` subsets are a seed and neighbours of it, ``uniform`` ones are drawn anywhere.
+    eligible
+        Tracks [P] that may be in a subset.
+    rank
+        Of a model with ranks.
+    derotate
+        Whether the rotation of the camera is compensated for models that assume none; ``auto``:
+        where that explains the matches much better (``preprocessing.rotation_compensation``).
+    rng
+        Source of random numbers.
 
-    Raises DataError where the tracks cannot make a hypothesis, UsageError for a wrong argument.
+    Returns
+    -------
+    sets
+        Fewer hypotheses than asked for where no more subsets are confirmed; a model without a
+        confirmed hypothesis has no set.
+
+    Raises
+    ------
+    DataError
+        Where the tracks cannot make a hypothesis.
+    UsageError
+        For a wrong argument.
     """
-    names = ("affine", "homography") if model == "auto" else (model,)
-    _check_arguments(names, points, camera, count, sampling)
+    _check_arguments(models, points, camera, count, sampling)
     complete = np.asarray(np.isfinite(points).all(axis=(1, 2)))
     usable = complete if eligible is None else complete & eligible
     usable = some_of(usable, MOST_TRACKS, rng)
     frames = points.shape[1]
     rotation = None
-    if derotate is not False and model == "translation" and camera is not None:
+    turning = any(motion_models.MODELS[name].assumes_no_rotation for name in models)
+    if derotate is not False and turning and camera is not None:
         from mssegment.preprocessing.rotation_compensation import find_rotation
 
         found = find_rotation(points[usable], camera, rng)
         rotation = None if found is None else found.rotation
     neighbours: Integers | None = None
     sets = []
-    for name in names:
-        made = models.make(name, frames=frames, rank=rank)
+    for name in models:
+        made = motion_models.make(name, frames=frames, rank=rank)
         scene = _scene(made, points, usable, camera, rotation, neighbours)
         neighbours = scene.neighbours
         # of two sets the first finds the bodies; the second need not be as dense
-        fewer = count == "auto" and name != names[0]
+        fewer = count == "auto" and name != models[0]
         sets.append(_sample(scene, FEWEST // 2 if fewer else count, sampling, rng))
     return [one for one in sets if len(one.points)]
 
@@ -106,10 +132,10 @@ def _check_arguments(
 ) -> None:
     frames = points.shape[1]
     for name in names:
-        if name not in models.MODELS:
-            known = ", ".join([*models.MODELS, "auto"])
+        if name not in motion_models.MODELS:
+            known = ", ".join([*motion_models.MODELS, "auto"])
             raise UsageError(f"model: {name!r} is unknown; choose one of {known}")
-        model = models.MODELS[name]
+        model = motion_models.MODELS[name]
         if model.needs_camera and camera is None:
             raise DataError(f"model {name} needs a calibrated camera: give --camera fx,fy,cx,cy")
         most = model.max_frames
@@ -117,11 +143,7 @@ def _check_arguments(
             wanted = f"{most}" if most == model.min_frames else f"at least {model.min_frames}"
             raise DataError(
                 f"model {name} needs {wanted} frames, but the tracks have {frames}: "
-                + (
-                    "choose two frames, or model factorization"
-                    if frames > 2
-                    else _two_frame_advice(frames)
-                )
+                + _advice(frames)
             )
     if count != "auto" and count < 1:
         raise UsageError(f"count: {count} hypotheses were asked for; give 1 or more, or auto")
@@ -129,8 +151,13 @@ def _check_arguments(
         raise UsageError(f"sampling: {sampling!r} is unknown; choose local or uniform")
 
 
-def _two_frame_advice(frames: int) -> str:
-    return "choose model affine, homography or translation" if frames == 2 else "give more pictures"
+def _advice(frames: int) -> str:
+    """What to do about tracks over a number of frames that a model does not accept."""
+    known = [name for name, model in motion_models.MODELS.items() if model.accepts(frames)]
+    if not known:
+        return "give more pictures"
+    named = " or ".join([", ".join(known[:-1]), known[-1]] if known[1:] else known)
+    return f"choose two frames, or model {named}" if frames > 2 else f"choose model {named}"
 
 
 def _scene(

@@ -8,14 +8,26 @@ between frames far apart. Nothing is invented where a track is not seen.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Literal
 
 import numpy as np
 
 from mssegment.errors import DataError
-from mssegment.models import Flags
-from mssegment.models.evidence import EVIDENCE, Evidence, Subspace
-from mssegment.records import Floats, HypothesisSet, Integers
+from mssegment.models import Flags, MotionModel
+from mssegment.models.affine import Affine
+from mssegment.models.factorization import Factorization
+from mssegment.models.flat import Flat
+from mssegment.models.fundamental import Fundamental
+from mssegment.models.homography import Homography
+from mssegment.records import (
+    Floats,
+    Hypotheses,
+    HypothesisSet,
+    Integers,
+    Partition,
+    replace,
+)
 from mssegment.sampling.neighbourhoods import nearest_neighbours, some_of
 from mssegment.sampling.validation import first_test, two_frame_misfit
 
@@ -38,6 +50,9 @@ PER_PAIR = 200
 """Hypotheses per frame pair and kind."""
 PER_LONG_PAIR = 400
 """The same before a static camera: a small object must be the seed of some."""
+SPANNING = 1e-6
+"""Least singular value of an elemental subset of whole tracks, over the largest: tracks only rank
+these hypotheses, so that a poorly conditioned one does no harm."""
 WHOLE = 1000
 """Hypotheses over all frames."""
 WHOLE_BESIDE = 300
@@ -51,15 +66,15 @@ FEWEST = 10
 """Tracks that a frame pair must have in common."""
 
 
-def draw_consensus_sets(
+def draw_for_consensus(
     points: Floats,
     rng: np.random.Generator,
     *,
     eligible: Flags | None = None,
     static: bool = False,
     rank: int | Literal["auto"] = "auto",
-) -> list[HypothesisSet]:
-    """Hypothesis sets for the tracks ``points`` [P, F, 2] (pixels, NaN where not seen).
+) -> Hypotheses:
+    """Hypotheses for the tracks ``points`` [P, F, 2] (pixels, NaN: not visible).
 
     ``eligible`` [P] excludes tracks (background); ``static`` says that the camera stands still and
     the background is excluded. ``rank`` (3 planar, 4 general) is that of the subspaces over all
@@ -75,13 +90,19 @@ def draw_consensus_sets(
         seen = seen & eligible[:, None]
     seen = seen & some_of(np.asarray(seen.any(axis=1)), MOST_GROUPED, rng)[:, None]
     lengths = seen.sum(axis=1)
-    if static:
-        return _draw_pairs(points, seen, ("affine",), _long_pairs(frames, lengths), rng)
     complete = seen.all(axis=1)
-    if complete.sum() >= max(COMPLETE * seen.any(axis=1).sum(), FEWEST):
-        return _draw_complete(points, seen, (4, 3) if rank == "auto" else (rank,), rng)
-    pairs = _short_pairs(frames, lengths)
-    return _draw_pairs(points, seen, ("homography", "fundamental"), pairs, rng)
+    partition: Partition
+    if static:
+        pairs, partition = _long_pairs(frames, lengths), "average_linkage"
+        sets = _draw_pairs(points, seen, (Affine(),), pairs, PER_LONG_PAIR, rng)
+    elif complete.sum() >= max(COMPLETE * seen.any(axis=1).sum(), FEWEST):
+        ranks, partition = (4, 3) if rank == "auto" else (rank,), "spectral"
+        sets = _draw_complete(points, seen, ranks, rng)
+    else:
+        pairs, partition = _short_pairs(frames, lengths), "normalized_cuts"
+        kinds = (Homography(), Fundamental())
+        sets = _draw_pairs(points, seen, kinds, pairs, PER_PAIR, rng)
+    return Hypotheses("consensus", tuple(sets), partition)
 
 
 def _draw_complete(
@@ -94,23 +115,27 @@ def _draw_complete(
     for pair in _even_pairs(frames, max(1, round(GAP * frames)), PAIRS):
         shared = np.flatnonzero(seen[:, pair].all(axis=1))
         around = near if len(shared) == len(complete) else _pair_neighbours(points[shared][:, pair])
-        sets.append(_draw_set(EVIDENCE["flat"], points, shared, around, pair, PER_PAIR, rng))
+        sets.append(_draw_set(Flat(), points, shared, around, pair, PER_PAIR, rng))
     if frames < 3:
-        return sets
+        stated = _draw_set(Affine(), points, complete, near, (0, 1), WHOLE_BESIDE, rng)
+        return [*sets, replace(stated, evidence=False)]
     trusted = complete[first_test(points[complete], two_frame_misfit(points, sets)[complete])]
     near = nearest_neighbours(points[trusted], NEIGHBOURS)
     every = tuple(range(frames))
     for place, rank in enumerate(ranks):
+        model = Factorization(frames, rank, SPANNING)
         count = WHOLE_BESIDE if place else WHOLE
-        sets.append(_draw_set(Subspace(rank), points, trusted, near, every, count, rng))
+        drawn = _draw_set(model, points, trusted, near, every, count, rng)
+        sets.append(replace(drawn, evidence=place == 0))
     return sets
 
 
 def _draw_pairs(
     points: Floats,
     seen: Flags,
-    names: tuple[str, ...],
+    kinds: Sequence[MotionModel],
     pairs: list[tuple[int, int]],
+    count: int,
     rng: np.random.Generator,
 ) -> list[HypothesisSet]:
     sets = []
@@ -119,9 +144,7 @@ def _draw_pairs(
         if len(shared) < FEWEST:
             continue
         near = _pair_neighbours(points[shared][:, pair])
-        for name in names:
-            count = PER_LONG_PAIR if name == "affine" else PER_PAIR
-            sets.append(_draw_set(EVIDENCE[name], points, shared, near, pair, count, rng))
+        sets += [_draw_set(model, points, shared, near, pair, count, rng) for model in kinds]
     if not sets:
         raise DataError(
             f"none of the frame pairs that were looked at share {FEWEST} tracks; "
@@ -131,7 +154,7 @@ def _draw_pairs(
 
 
 def _draw_set(
-    kind: Evidence,
+    model: MotionModel,
     points: Floats,
     shared: Integers,
     neighbours: Integers,
@@ -141,13 +164,13 @@ def _draw_set(
 ) -> HypothesisSet:
     """``count`` elemental subsets of the tracks ``shared``; unsound ones are left out."""
     tracks = points[shared][:, frames]
-    normalization = kind.normalization(tracks)
-    observed = (tracks - normalization.centres) / normalization.scale
-    subsets = draw_subsets(neighbours[:, : kind.near], kind.subset_size, count, rng)
-    found, valid = kind.fit(observed[subsets])
+    normalization = model.normalization(tracks)
+    observed = model.observe(tracks, normalization)
+    subsets = draw_subsets(neighbours[:, : model.neighbours], model.subset_size, count, rng)
+    found, valid = model.minimal_fit(observed[subsets])
     return HypothesisSet(
-        model=kind.name,
-        manifold=kind.manifold(len(frames)),
+        model=model.name,
+        manifold=model.manifold.name,
         frames=frames,
         normalization=normalization,
         subsets=shared[subsets[valid]],

@@ -6,14 +6,14 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from mssegment import models
+from mssegment.geometry.flats import extent
 from mssegment.models import Flags
 from mssegment.neighbours import nearest
 from mssegment.records import Floats, HypothesisSet, Integers
 from mssegment.sampling.neighbourhoods import nearest_neighbours, neighbour_space
-from mssegment.sampling.observed import residuals_of
+from mssegment.sampling.observed import ObservedSet
 
-PLACED = ("flat", "affine", "homography")
-"""Evidence that holds near its seed."""
 LOCAL = 20
 """A track's misfit comes from hypotheses whose seed is among so many nearest tracks."""
 MISFIT_OF_EXTENT, MISFIT_OF_MEDIAN = 0.0125, 8.0
@@ -25,16 +25,6 @@ SPARED, RARE = 3.0, 0.025
 about, only the edge of right tracks: tests of outliers are so many times gentler."""
 AT_MOST = 0.6
 """If more than this share of the tracks were outliers, the tests mean nothing."""
-
-
-def extent(points: Floats) -> float:
-    """How widely the tracks [P, F, 2] spread in a frame, pixels, whatever a few of them do.
-
-    1.2 times the median distance from the median point: about the rms radius.
-    """
-    points = points[:, np.isfinite(points).all(axis=2).any(axis=0)]
-    middle = np.nanmedian(points, axis=0)
-    return max(1.2 * float(np.nanmedian(np.linalg.norm(points - middle, axis=-1))), 1e-9)
 
 
 class Misfit:
@@ -51,11 +41,11 @@ class Misfit:
         self._logs, self._counts = np.zeros(len(points)), np.zeros(len(points))
         self._nearest: dict[bytes, Integers] = {}
 
-    def add(self, entry: HypothesisSet, seen: Integers, squared: Floats) -> None:
-        """What ``residuals_of`` found; sets that say nothing about a place are passed over."""
-        if entry.model not in PLACED:
+    def add(self, observed_set: ObservedSet, squared: Floats) -> None:
+        """Add a set with its ``ranking_sq_residuals``; only sets of local models count."""
+        if not observed_set.model.is_local:
             return
-        squared = squared.copy()
+        entry, seen, squared = observed_set.hypotheses, observed_set.tracks, squared.copy()
         of_track = np.full(len(self._points), -1)
         of_track[seen] = np.arange(len(seen))
         made_of = of_track[entry.subsets]
@@ -111,8 +101,9 @@ def two_frame_misfit(
     """The ``Misfit`` of the tracks [P, F, 2] in pixels [P]; NaN: seen in no pair."""
     misfit = Misfit(points, among)
     for entry in sets:
-        if entry.model in PLACED and len(entry.points):
-            misfit.add(entry, *residuals_of(points, entry))
+        if models.class_named(entry.model).is_local and len(entry.points):
+            observed_set = ObservedSet.of(points, entry)
+            misfit.add(observed_set, observed_set.ranking_sq_residuals())
     return misfit.pixels()
 
 

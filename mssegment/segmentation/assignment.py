@@ -30,9 +30,7 @@ def assign(points: Floats, sets: Sequence[HypothesisSet], found: Segmentation) -
     rows = []
     for motion in found.motions:
         chosen = sets[motion.set_index]
-        model = models.make(
-            motion.model, frames=len(chosen.frames), rank=motion.parameters.shape[-1]
-        )
+        model = models.of_set(chosen)
         observed = model.observe(points[:, list(chosen.frames)], chosen.normalization)
         residuals = model.residuals(motion.parameters[None], observed, chosen.normalization)[0]
         own = found.residuals[motion.label - 1][motion.inliers]

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Literal
 
 import numpy as np
 
@@ -22,10 +21,9 @@ from mssegment.records import (
     Segmentation,
     replace,
 )
-from mssegment.segmentation.optical_axis import optical_axis_notes
+from mssegment.sampling.observed import ObservedSet
+from mssegment.segmentation.options import SegmentOptions
 from mssegment.segmentation.selection import (
-    Granularity,
-    ObservedSet,
     SelectedMotion,
     Selection,
     SelectionProblem,
@@ -48,13 +46,8 @@ def segment_by_modes(
     *,
     select: Selection,
     status: Integers,
-    bandwidth: float | Literal["auto"] = "auto",
-    kernel: str = "gaussian",
-    motions: int | None = None,
-    min_motions: int = 0,
-    granularity: Granularity = "object",
+    options: SegmentOptions,
     rng: np.random.Generator,
-    threads: int = 1,
 ) -> Segmentation:
     """Mean shift on every set, modes ranked by kernel density, then ``select``.
 
@@ -62,18 +55,12 @@ def segment_by_modes(
     keep. Raises DataError where the hypotheses do not fit the tracks.
     """
     judged = np.asarray((status == OUTLIER) & np.isfinite(points).all(axis=(1, 2)))
-    observed_sets = tuple(_observe(points[judged], s) for s in sets)
-    modes, bandwidths, assignments = _find_modes(observed_sets, bandwidth, kernel, rng, threads)
+    if not all(len(hypotheses.points) for hypotheses in sets):
+        raise DataError("a set holds no hypotheses: run `mssegment hypothesize` again")
+    observed_sets = tuple(ObservedSet.of(points[judged], hypotheses) for hypotheses in sets)
+    modes, bandwidths, assignments = _find_modes(observed_sets, options, rng)
     problem = SelectionProblem(
-        points[judged],
-        observed_sets,
-        modes,
-        motions,
-        min_motions,
-        granularity,
-        rng,
-        assignments,
-        np.flatnonzero(judged),
+        points[judged], observed_sets, modes, options, rng, assignments, np.flatnonzero(judged)
     )
     choice = select(problem)
     return _segmentation(
@@ -81,35 +68,8 @@ def segment_by_modes(
     )
 
 
-def _observe(points: Floats, hypotheses: HypothesisSet) -> ObservedSet:
-    shape = hypotheses.points.shape
-    if len(shape) != 3 or shape[0] == 0:
-        raise DataError(
-            f"the set of model {hypotheses.model} holds no hypotheses: run hypothesize again"
-        )
-    frames = list(hypotheses.frames)
-    if max(frames) >= points.shape[1]:
-        raise DataError(
-            f"the hypotheses speak of frame {max(frames) + 1}, but the tracks have "
-            f"{points.shape[1]} frames: the document is damaged, run hypothesize again"
-        )
-    model = models.make(hypotheses.model, frames=len(frames), rank=shape[-1])
-    if shape[1:] != model.manifold.point_shape:
-        raise DataError(
-            f"hypotheses of model {hypotheses.model} over {len(frames)} frames are arrays of shape "
-            f"{model.manifold.point_shape}, but the document has {shape[1:]}: run hypothesize again"
-        )
-    return ObservedSet(
-        hypotheses, model, model.observe(points[:, frames], hypotheses.normalization)
-    )
-
-
 def _find_modes(
-    observed_sets: Sequence[ObservedSet],
-    bandwidth: float | Literal["auto"],
-    kernel: str,
-    rng: np.random.Generator,
-    threads: int,
+    observed_sets: Sequence[ObservedSet], options: SegmentOptions, rng: np.random.Generator
 ) -> tuple[tuple[Mode, ...], tuple[float, ...], tuple[Integers, ...]]:
     """Modes of all sets, densest first; bandwidth and assignments (-1: to no mode) per set."""
     modes: list[Mode] = []
@@ -117,10 +77,10 @@ def _find_modes(
     for index, observed_set in enumerate(observed_sets):
         shifted = MeanShift(
             observed_set.model.manifold,
-            bandwidth,
-            kernel,
+            options.bandwidth,
+            options.kernel,
             bandwidth_constant=BANDWIDTH_CONSTANT,
-            threads=threads,
+            threads=options.threads,
         ).fit(observed_set.hypotheses.points, rng=rng)
         bandwidths.append(shifted.bandwidth_)
         places.append(np.where(shifted.labels_ >= 0, shifted.labels_ + len(modes), -1))
@@ -190,7 +150,13 @@ def _segmentation(
         bandwidths,
         everywhere,
         assignments,
-        (*choice.notes, *optical_axis_notes(found)),
+        (
+            *choice.notes,
+            *models.remarks(
+                [observed_sets[motion.set_index].model for motion in found],
+                [motion.parameters for motion in found],
+            ),
+        ),
     )
 
 

@@ -13,7 +13,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from mssegment.records import Floats, HypothesisSet, Integers
-from mssegment.sampling.observed import residuals_of
+from mssegment.sampling.observed import ObservedSet
 
 NOISE_RANK = 6
 """The noise of a set: the median over the tracks of the sixth smallest residual (twice the
@@ -84,7 +84,8 @@ def shared_marks(points: Floats, sets: Sequence[HypothesisSet]) -> tuple[Floats,
     agreement = np.zeros((len(points), len(points)))
     weights = np.zeros_like(agreement)
     for entry in sets:
-        seen, squared = residuals_of(points, entry)
+        observed_set = ObservedSet.of(points, entry)
+        seen, squared = observed_set.tracks, observed_set.ranking_sq_residuals()
         of_track = np.full(len(points), -1)
         of_track[seen] = np.arange(len(seen))
         others = squared.copy()

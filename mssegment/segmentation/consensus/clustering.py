@@ -6,11 +6,19 @@ from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
+from mssegment import models
 from mssegment.errors import DataError
 from mssegment.models import Flags
-from mssegment.models.evidence import EVIDENCE
-from mssegment.records import NOT_JUDGED, OUTLIER, Floats, HypothesisSet, Integers, Record
-from mssegment.sampling.observed import residuals_of
+from mssegment.records import (
+    NOT_JUDGED,
+    OUTLIER,
+    Floats,
+    Hypotheses,
+    HypothesisSet,
+    Integers,
+    Record,
+)
+from mssegment.sampling.observed import ObservedSet
 from mssegment.sampling.validation import (
     Misfit,
     first_test,
@@ -37,19 +45,17 @@ tracks need the first only: what crosses the picture quickly leaves few."""
 class Consensus(Record, frozen=True):
     """The outcome: ``labels`` [P] 1..m by size, 0 outlier, -2 seen too briefly.
 
-    ``misfit`` [P] is that of ``Misfit`` (pixels); ``evidence`` names the kinds of
-    hypotheses that were read; ``notes`` are sentences for the user.
+    ``misfit`` [P] is that of ``Misfit`` (pixels); ``notes`` are sentences for the user.
     """
 
     labels: Integers
     misfit: Floats
-    evidence: tuple[str, ...]
     notes: tuple[str, ...] = ()
 
 
 def cluster_by_consensus(
     points: Floats,
-    sets: Sequence[HypothesisSet],
+    hypotheses: Hypotheses,
     rng: np.random.Generator,
     *,
     motions: int | None = None,
@@ -57,27 +63,28 @@ def cluster_by_consensus(
     max_motions: int = MOST_MOTIONS,
     eligible: Flags | None = None,
 ) -> Consensus:
-    """Group the tracks ``points`` [P, F, 2] (pixels, NaN where not seen) by ``sets``.
+    """Group the tracks ``points`` [P, F, 2] (pixels, NaN: not visible) by ``hypotheses``.
 
     ``motions`` is the number of motions where it is known; ``eligible`` [P] excludes tracks
-    (background), their label is 0. Raises DataError where the sets are not of consensus, or see
-    too few tracks.
+    (background), their label is 0. Raises DataError where the hypotheses were not drawn for
+    consensus, or see too few tracks.
     """
     chosen = np.arange(len(points)) if eligible is None else np.flatnonzero(eligible)
     own = points.copy()
     if eligible is not None:
         own[~eligible] = np.nan
-    usable = [entry for entry in sets if len(entry.points)]
+    usable = [entry for entry in hypotheses.sets if len(entry.points) and entry.evidence]
     _check(usable)
     least = motions if motions else max(1, min_motions)
     most = motions if motions else max(least, max_motions)
-    if any(entry.model == "affine" for entry in usable):
-        return _objects(own, usable, chosen, (least, motions or len(points)))
+    if hypotheses.partition == "average_linkage":
+        return _linked(own, usable, chosen, (least, motions or len(points)))
     misfits, coassociations = Misfit(own), Coassociations(len(points))
-    for entry in _of_the_highest_rank(usable):
-        seen, squared = residuals_of(own, entry)
-        misfits.add(entry, seen, squared)
-        coassociations.add(entry, seen, squared)
+    for entry in usable:
+        observed_set = ObservedSet.of(own, entry)
+        squared = observed_set.ranking_sq_residuals()
+        misfits.add(observed_set, squared)
+        coassociations.add(observed_set, squared)
     misfit, kinds = misfits.pixels(), coassociations.kinds
     labels = np.full(len(points), OUTLIER, dtype=np.int64)
     unseen = np.isnan(misfit)
@@ -88,7 +95,7 @@ def cluster_by_consensus(
             f"{len(kept)} tracks are seen in a frame pair of the hypotheses; expected at least "
             f"{SMALLEST}: give longer tracks, or more corners"
         )
-    perspective = "flat" not in kinds
+    perspective = hypotheses.partition == "normalized_cuts"
     sparing = spared(misfit[kept], misfit_limit(own[kept], misfit[kept], perspective=perspective))
     kept = kept[first_test(own[kept], misfit[kept], perspective=perspective)]
     group = _group_incomplete if perspective else _group_complete
@@ -96,10 +103,10 @@ def cluster_by_consensus(
     if not perspective:
         groups[second_test(own[found], misfit[found], groups, sparing)] = OUTLIER
     labels[found] = groups
-    return Consensus(_by_size(labels), misfit, tuple(kinds))
+    return Consensus(_by_size(labels), misfit)
 
 
-def _objects(
+def _linked(
     points: Floats, sets: Sequence[HypothesisSet], chosen: Integers, bounds: tuple[int, int]
 ) -> Consensus:
     """The outcome before a static camera; ``bounds`` are the least and the most motions."""
@@ -107,7 +114,7 @@ def _objects(
     labels = np.full(len(points), OUTLIER, dtype=np.int64)
     labels[chosen[~found.seen[chosen]]] = NOT_JUDGED
     labels[found.seen] = found.labels(*bounds)
-    return Consensus(_by_size(labels), two_frame_misfit(points, sets), ("affine",))
+    return Consensus(_by_size(labels), two_frame_misfit(points, sets))
 
 
 def _group_complete(
@@ -128,7 +135,8 @@ def _group_complete(
 
     complete, labels = _without_cliques(complete, partition_search, bounds, SMALLEST_SHARE)
     partial = np.setdiff1d(tracks, np.flatnonzero(np.isfinite(points).all(axis=(1, 2))))
-    joined = _join(kinds["flat"], partial, complete, labels)
+    local = next(kind for name, kind in kinds.items() if models.class_named(name).is_local)
+    joined = _join(local, partial, complete, labels)
     return np.concatenate([complete, partial]), np.concatenate([labels, joined])
 
 
@@ -190,26 +198,9 @@ def _by_size(labels: Integers) -> Integers:
     return numbered
 
 
-def _of_the_highest_rank(sets: Sequence[HypothesisSet]) -> list[HypothesisSet]:
-    """The sets without subspaces of a lower rank than others have: a general body fits none."""
-    ranks = [entry.points.shape[-1] for entry in sets if entry.model == "factorization"]
-    return [
-        entry
-        for entry in sets
-        if entry.model != "factorization" or entry.points.shape[-1] == max(ranks)
-    ]
-
-
 def _check(sets: Sequence[HypothesisSet]) -> None:
-    foreign = sorted({entry.model for entry in sets} - set(EVIDENCE))
-    if foreign:
-        raise DataError(
-            f"consensus cannot read hypotheses of model {', '.join(foreign)}; expected "
-            f"{', '.join(EVIDENCE)}: hypothesize with cluster.method consensus"
-        )
     if not any(len(entry.frames) == 2 for entry in sets):
         raise DataError(
             "consensus needs hypotheses between frame pairs, these are over "
-            f"{len(sets[0].frames) if sets else 0} frames; hypothesize with cluster.method "
-            "consensus"
+            f"{len(sets[0].frames) if sets else 0} frames; run `mssegment hypothesize` again"
         )

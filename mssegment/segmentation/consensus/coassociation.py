@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from mssegment.models.evidence import EVIDENCE
-from mssegment.records import Floats, HypothesisSet, Integers, Record
+from mssegment.records import Floats, Record
+from mssegment.sampling.observed import ObservedSet
 
 Singles = npt.NDArray[np.float32]
 
@@ -35,9 +35,10 @@ class Coassociations:
         self._total = total
         self.kinds: dict[str, Coassociation] = {}
 
-    def add(self, entry: HypothesisSet, seen: Integers, squared: Floats) -> None:
-        """What ``residuals_of`` found: of a set a track marks the hypotheses that fit it best."""
-        marks = marks_of(entry, squared)
+    def add(self, observed_set: ObservedSet, squared: Floats) -> None:
+        """Add a set with its ``ranking_sq_residuals``: tracks mark the hypotheses that fit best."""
+        entry, seen = observed_set.hypotheses, observed_set.tracks
+        marks = marks_of(observed_set, squared)
         agreement = marks @ marks.T / marks[:1].sum()
         if entry.model not in self.kinds:
             zeros = np.zeros((self._total, self._total), dtype=np.float32)
@@ -52,10 +53,10 @@ class Coassociations:
             kind.shared[block] += 1
 
 
-def marks_of(entry: HypothesisSet, squared: Floats) -> Singles:
+def marks_of(observed_set: ObservedSet, squared: Floats) -> Singles:
     """1 where a track marks a hypothesis of the set, else 0, [n, hypotheses] as ``squared``."""
-    share = EVIDENCE[entry.model].share
-    best = min(max(3, round(share * len(entry.points))), len(entry.points))
+    count = squared.shape[1]
+    best = min(max(3, round(observed_set.model.marked_share * count)), count)
     return mark_best(squared, best)
 
 

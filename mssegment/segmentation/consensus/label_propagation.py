@@ -11,9 +11,17 @@ from collections.abc import Sequence
 import numpy as np
 
 from mssegment.models import Flags
-from mssegment.records import NOT_JUDGED, OUTLIER, Floats, HypothesisSet, Integers, replace
+from mssegment.records import (
+    NOT_JUDGED,
+    OUTLIER,
+    Floats,
+    Hypotheses,
+    HypothesisSet,
+    Integers,
+    replace,
+)
 from mssegment.sampling.frame_pairs import MOST_GROUPED
-from mssegment.sampling.observed import residuals_of
+from mssegment.sampling.observed import ObservedSet
 from mssegment.sampling.validation import misfit_limit, spared, two_frame_misfit
 from mssegment.segmentation.consensus.coassociation import marks_of
 
@@ -31,16 +39,17 @@ def tracks_to_group(eligible: Flags, sets: Sequence[HypothesisSet]) -> Flags:
     return eligible & makers
 
 
-def sets_among(sets: Sequence[HypothesisSet], tracks: Flags) -> list[HypothesisSet]:
+def hypotheses_among(hypotheses: Hypotheses, tracks: Flags) -> Hypotheses:
     """The hypotheses made of ``tracks`` [P] alone; their subsets count these tracks only."""
     if tracks.all():
-        return list(sets)
+        return hypotheses
     place = np.cumsum(tracks) - 1
-    kept = [tracks[entry.subsets].all(axis=1) for entry in sets]
-    return [
+    kept = [tracks[entry.subsets].all(axis=1) for entry in hypotheses.sets]
+    sets = [
         replace(entry, subsets=place[entry.subsets[own]], points=entry.points[own])
-        for entry, own in zip(sets, kept, strict=True)
+        for entry, own in zip(hypotheses.sets, kept, strict=True)
     ]
+    return replace(hypotheses, sets=tuple(sets))
 
 
 def propagate_labels(
@@ -49,6 +58,8 @@ def propagate_labels(
     labels: Integers,
     misfit: Floats,
     others: Floats,
+    *,
+    perspective: bool,
 ) -> Integers:
     """Labels [m] of the tracks ``others`` [m, F, 2], pixels, NaN where not seen.
 
@@ -58,7 +69,6 @@ def propagate_labels(
     """
     if not (labels > 0).any():
         return np.full(len(others), OUTLIER)
-    perspective = any(entry.model == "fundamental" for entry in sets)
     limit = misfit_limit(grouped, misfit, perspective=perspective)
     limit *= spared(misfit[np.isfinite(misfit)], limit)
     found = np.full(len(others), NOT_JUDGED)
@@ -80,8 +90,9 @@ def _agreement(points: Floats, sets: Sequence[HypothesisSet], labels: Integers) 
     groups = np.arange(1, labels.max() + 1)
     agreement = np.zeros((len(points) - len(labels), len(groups)))
     for entry in sets:
-        seen, squared = residuals_of(points, entry)
-        marks = marks_of(entry, squared)
+        observed_set = ObservedSet.of(points, entry)
+        seen = observed_set.tracks
+        marks = marks_of(observed_set, observed_set.ranking_sq_residuals())
         first = int(np.searchsorted(seen, len(labels)))
         member = (labels[seen[:first], None] == groups).astype(np.float32)
         shared = marks[:first].T @ member / np.maximum(member.sum(axis=0), 1)

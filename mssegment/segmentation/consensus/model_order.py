@@ -1,6 +1,6 @@
 """Complete tracks: which partition describes them best, and into how many bodies.
 
-A body is a Student-t cloud in the leading principal components of the tracks. The cost of a
+A body is a Student t distribution in the leading principal components of the tracks. The cost of a
 partition picks among those of one count; whether two groups are one body is decided by what their
 union would cost, against how well the tracks at their common border agree.
 """
@@ -12,22 +12,18 @@ from itertools import combinations
 
 import numpy as np
 
-from mssegment.records import Floats, Integers, Record
-from mssegment.sampling.validation import extent
+from mssegment.geometry.flats import principal_components
+from mssegment.geometry.robust import StudentT, StudentTFit, hard_em
+from mssegment.records import Floats, Integers
 from mssegment.segmentation.consensus.spectral import embedding, partition, sharpen
 
-DIMENSIONS = 12
-"""Principal components of the tracks."""
-UNIT = 160.0
-"""The tracks spread over so many units (pixels of a picture of 640, roughly)."""
 LEAST_SPREAD = 0.5
 """Standard deviation, in units, below which differences say nothing."""
 FREEDOM = 5.0
-"""Degrees of freedom of the Student-t cloud."""
-ROUNDS = 3
+"""Degrees of freedom of the Student t distribution."""
 EM_ROUNDS = 12
 SMALL_CHANGE = 0.1
-"""A partition is refined by the clouds if no more than this share of the tracks changes group."""
+"""Refinement by the distributions is taken if no more than this share of the tracks changes."""
 POWERS = (4, 6, 8)
 """Powers of the agreement that are partitioned; the cost chooses."""
 DISTINCT = 140.0
@@ -38,83 +34,41 @@ FEWEST = 5
 """Tracks without which a group is no body."""
 
 
-def principal_components(points: Floats) -> Floats:
-    """The tracks [P, F, 2] in DIMENSIONS leading principal components, in units, [P, D]."""
-    vectors = points.reshape(len(points), -1)
-    vectors = (vectors - vectors.mean(axis=0)) * (UNIT / extent(points))
-    _, directions = np.linalg.eigh(vectors.T @ vectors)
-    return np.asarray(vectors @ directions[:, : -DIMENSIONS - 1 : -1])
+def student_t_costs(fitted: StudentT, dimensions: int) -> Floats:
+    """Description length of each track in each group [G, P] (nats, twice, up to a constant).
 
-
-class Cloud(Record, frozen=True):
-    """A robust Student-t cloud: ``middle`` [D], the Cholesky factor ``lower`` [D, D] of its S."""
-
-    middle: Floats
-    lower: Floats
-
-    @classmethod
-    def fitted(cls, components: Floats) -> Cloud:
-        """To the tracks [n, D], reweighted for outlying ones."""
-        count, dimensions = components.shape
-        weights = np.ones(count)
-        for _ in range(ROUNDS):
-            middle = weights @ components / weights.sum()
-            centred = components - middle
-            covariance = (weights[:, None] * centred).T @ centred / count
-            covariance += LEAST_SPREAD**2 * np.eye(dimensions)
-            cloud = cls(middle, np.linalg.cholesky(covariance))
-            weights = (dimensions + FREEDOM) / (FREEDOM + cloud.squared_distances(components))
-        return cloud
-
-    def squared_distances(self, components: Floats) -> Floats:
-        """Squared Mahalanobis distances of the tracks [n, D]."""
-        return np.asarray(
-            (np.linalg.solve(self.lower, (components - self.middle).T) ** 2).sum(axis=0)
-        )
-
-    def costs(self, components: Floats) -> Floats:
-        """Description length of each track (nats, up to a constant): (D + 5) ln(1 + q / 5) + ln|S|,
-        q its squared Mahalanobis distance.
-        """
-        tails = np.log1p(self.squared_distances(components) / FREEDOM)
-        spread = 2 * np.log(np.diag(self.lower)).sum()
-        return np.asarray((components.shape[1] + FREEDOM) * tails + spread)
-
-
-def cloud_cost(components: Floats, total: int) -> float:
-    """Description length (nats) of a group of tracks [n, D] out of ``total``, as a cloud.
-
-    The sum of ``Cloud.costs``, and - 2 ln(n / ``total``) per track.
+    (D + 5) ln(1 + q / 5) + ln|S|, where q is the squared Mahalanobis distance.
     """
-    count = len(components)
-    costs = Cloud.fitted(components).costs(components)
+    tails = np.log1p(fitted.squared / FREEDOM)
+    return np.asarray((dimensions + FREEDOM) * tails + fitted.log_det[:, None])
+
+
+def group_cost(components: Floats, total: int) -> float:
+    """Description length of a group of tracks [n, D] out of ``total``.
+
+    The sum of ``student_t_costs``, and - 2 ln(n / ``total``) per track.
+    """
+    count, dimensions = components.shape
+    fitted = StudentTFit(components, FREEDOM, LEAST_SPREAD)(np.ones((1, count)))
+    costs = student_t_costs(fitted, dimensions)
     return float(costs.sum() - 2 * count * np.log(count / total))
 
 
 def partition_cost(components: Floats, labels: Integers) -> float:
-    """Sum of ``cloud_cost`` over the groups of ``labels`` [P]."""
-    return sum(cloud_cost(components[labels == group], len(labels)) for group in np.unique(labels))
+    """Sum of ``group_cost`` over the groups of ``labels`` [P]."""
+    return sum(group_cost(components[labels == group], len(labels)) for group in np.unique(labels))
 
 
 def refine(components: Floats, labels: Integers) -> Integers:
     """Hard expectation maximization of labels 0.. [P]; groups below FEWEST tracks dissolve."""
-    for _ in range(EM_ROUNDS):
-        names, sizes = np.unique(labels, return_counts=True)
-        names = names[sizes >= FEWEST]
-        if not len(names):
-            return np.zeros(len(labels), dtype=np.int64)
-        costs = np.stack(
-            [
-                Cloud.fitted(components[labels == name]).costs(components)
-                - 2 * np.log((labels == name).mean())
-                for name in names
-            ]
-        )
-        found = names[costs.argmin(axis=0)]
-        if np.array_equal(found, labels):
-            break
-        labels = found
-    return np.unique(labels, return_inverse=True)[1].ravel()
+    fit = StudentTFit(components, FREEDOM, LEAST_SPREAD)
+
+    def costs(members: Floats) -> Floats:
+        shares = members.mean(axis=1, keepdims=True)
+        fitted = student_t_costs(fit(members), components.shape[1])
+        return np.asarray(fitted - 2 * np.log(shares))
+
+    return hard_em(labels, costs, EM_ROUNDS, FEWEST)
 
 
 def border_contrast(agreement: Floats, gaps: Floats, first: Integers, second: Integers) -> float:
@@ -190,8 +144,8 @@ class PartitionSearch:
     def _apart(self, first: Integers, second: Integers) -> float:
         both = np.concatenate([first, second])
         total = len(both)
-        saved = cloud_cost(self._components[both], total) - sum(
-            cloud_cost(self._components[group], total) for group in (first, second)
+        saved = group_cost(self._components[both], total) - sum(
+            group_cost(self._components[group], total) for group in (first, second)
         )
         contrast = border_contrast(self._pairwise, self._gaps, first, second)
         return float(max(saved, 0.0) / np.sqrt(total) / np.cbrt(contrast))

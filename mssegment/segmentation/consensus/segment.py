@@ -12,27 +12,30 @@ from typing import Literal
 
 import numpy as np
 
-from mssegment import manifolds, models
+from mssegment import manifolds
+from mssegment.geometry.robust import geman_mcclure_weights
 from mssegment.manifolds import Manifold
 from mssegment.meanshift import kernel_named, nearest_neighbour_bandwidth
 from mssegment.meanshift.ascent import shift
-from mssegment.models import MotionModel
+from mssegment.models import MODELS, Flags
 from mssegment.records import (
     OUTLIER,
     Floats,
+    Hypotheses,
     HypothesisSet,
     Integers,
     Mode,
     Motion,
     Segmentation,
 )
-from mssegment.sampling.observed import observe
+from mssegment.sampling.observed import ObservedSet
 from mssegment.segmentation.consensus.clustering import cluster_by_consensus
 from mssegment.segmentation.consensus.label_propagation import (
+    hypotheses_among,
     propagate_labels,
-    sets_among,
     tracks_to_group,
 )
+from mssegment.segmentation.options import SegmentOptions
 
 MODE_NOTE = (
     "consensus: a mode is where mean shift arrives from its motion, its hypotheses are those made "
@@ -50,36 +53,36 @@ REWEIGHTINGS = 5
 
 def segment_by_consensus(
     points: Floats,
-    sets: Sequence[HypothesisSet],
+    hypotheses: Hypotheses,
     *,
     status: Integers,
-    bandwidth: float | Literal["auto"] = "auto",
-    kernel: str = "gaussian",
-    motions: int | None = None,
-    min_motions: int = 1,
+    options: SegmentOptions,
     rng: np.random.Generator,
 ) -> Segmentation:
-    """Segments the tracks ``points`` [P, F, 2] (pixels, NaN where not seen) by consensus.
+    """Segment the tracks ``points`` [P, F, 2] (pixels, NaN: not visible) by consensus.
 
     ``status`` [P] is 0 for tracks to label, else the label they keep. Raises DataError where the
-    sets are not those of ``draw_consensus_sets``, or see too few tracks.
+    hypotheses were not drawn for consensus, or see too few tracks.
     """
     judged = status == OUTLIER
-    labels, notes = _labels(points, sets, judged, motions, min_motions, rng)
+    labels, notes = _labels(points, hypotheses, judged, options, rng)
     labels = np.where(judged, labels, status).astype(np.int64)
     count = int(labels.max(initial=0))
-    seen = [_seen(points, entry) for entry in sets]
+    observed_sets = [ObservedSet.of(points, entry) for entry in hypotheses.sets]
     results = [
         _of_the_lowest_rank(
             [
-                _motion(label, place, points, sets[place], labels)
-                for place in _sets_of(labels == label, sets, seen)
-            ]
+                _motion(label, index, observed_sets[index], labels)
+                for index in _sets_of(labels == label, observed_sets)
+            ],
+            observed_sets,
         )
         for label in range(1, count + 1)
     ]
     found_motions = tuple(motion for motion, _ in results)
-    modes, bandwidths, assignments = _modes(sets, found_motions, labels, bandwidth, kernel, rng)
+    modes, bandwidths, assignments = _modes(
+        hypotheses.sets, found_motions, labels, options.bandwidth, options.kernel, rng
+    )
     residuals = np.full((count, len(points)), np.nan)
     for row, (_, own) in enumerate(results):
         residuals[row] = own
@@ -96,79 +99,75 @@ def segment_by_consensus(
 
 def _labels(
     points: Floats,
-    sets: Sequence[HypothesisSet],
-    judged: np.ndarray[tuple[int], np.dtype[np.bool_]],
-    motions: int | None,
-    min_motions: int,
+    hypotheses: Hypotheses,
+    judged: Flags,
+    options: SegmentOptions,
     rng: np.random.Generator,
 ) -> tuple[Integers, tuple[str, ...]]:
-    """Labels [P] of the judged tracks, some grouped and the others joined, and notes."""
-    grouped = tracks_to_group(judged, sets)
-    own, among = points[grouped], sets_among(sets, grouped)
-    found = cluster_by_consensus(own, among, rng, motions=motions, min_motions=min_motions)
+    """Labels [P] of the judged tracks: some are grouped, the others join a group; and notes."""
+    grouped = tracks_to_group(judged, hypotheses.sets)
+    own, among = points[grouped], hypotheses_among(hypotheses, grouped)
+    found = cluster_by_consensus(
+        own, among, rng, motions=options.motions, min_motions=options.min_motions
+    )
     labels = np.full(len(points), OUTLIER)
     labels[grouped] = found.labels
     others = judged & ~grouped
     if others.any():
-        labels[others] = propagate_labels(own, among, found.labels, found.misfit, points[others])
+        labels[others] = propagate_labels(
+            own,
+            among.sets,
+            found.labels,
+            found.misfit,
+            points[others],
+            perspective=among.partition == "normalized_cuts",
+        )
     return labels, found.notes
 
 
-def _seen(points: Floats, entry: HypothesisSet) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
-    return np.asarray(np.isfinite(points[:, list(entry.frames)]).all(axis=(1, 2)))
-
-
-def _of_the_lowest_rank(fits: Sequence[tuple[Motion, Floats]]) -> tuple[Motion, Floats]:
+def _of_the_lowest_rank(
+    fits: Sequence[tuple[Motion, Floats]], observed_sets: Sequence[ObservedSet]
+) -> tuple[Motion, Floats]:
     """The fit of the lowest rank that explains a group nearly as well as the best does."""
     least = min(motion.rms for motion, _ in fits)
-    valid = [fit for fit in fits if fit[0].rms <= PLANAR * least]
-    return min(valid, key=lambda fit: fit[0].parameters.shape[-1])
+    good = [fit for fit in fits if fit[0].rms <= PLANAR * least]
+    return min(good, key=lambda fit: observed_sets[fit[0].set_index].model.subset_size)
 
 
-def _sets_of(
-    members: np.ndarray[tuple[int], np.dtype[np.bool_]],
-    sets: Sequence[HypothesisSet],
-    seen: Sequence[np.ndarray[tuple[int], np.dtype[np.bool_]]],
-) -> list[int]:
-    """The sets on which a group's motion may be reported.
+def _sets_of(members: Flags, observed_sets: Sequence[ObservedSet]) -> list[int]:
+    """The sets on which the motion of a group may be stated, those of models that a user knows.
 
     Whole tracks first, of every rank drawn; then the frame pair that sees the most tracks.
     """
-    usable = [i for i, entry in enumerate(sets) if entry.model in models.MODELS]
-    usable = usable or list(range(len(sets)))
-    best = max(usable, key=lambda i: (len(sets[i].frames), int((members & seen[i]).sum()), -i))
-    return [
-        i for i in usable if sets[i].frames == sets[best].frames and len(sets[i].frames) > 2
-    ] or [best]
-
-
-def _model_of(entry: HypothesisSet) -> MotionModel:
-    """The motion model in which a group is reported; patches between two views are affine."""
-    name = entry.model if entry.model in models.MODELS else "affine"
-    return models.make(name, frames=len(entry.frames), rank=entry.points.shape[-1])
+    frames = [entry.hypotheses.frames for entry in observed_sets]
+    usable = [i for i, entry in enumerate(observed_sets) if entry.model.name in MODELS]
+    best = max(
+        usable, key=lambda i: (len(frames[i]), int(members[observed_sets[i].tracks].sum()), -i)
+    )
+    return [i for i in usable if frames[i] == frames[best] and len(frames[i]) > 2] or [best]
 
 
 def _motion(
-    label: int, place: int, points: Floats, entry: HypothesisSet, labels: Integers
+    label: int, index: int, observed_set: ObservedSet, labels: Integers
 ) -> tuple[Motion, Floats]:
     """The robust fit to a group, and its residuals [P] in pixels, NaN where a track has none."""
-    model = _model_of(entry)
-    tracks, observed = observe(points, entry)
-    own = labels[tracks] == label
+    model, normalization = observed_set.model, observed_set.hypotheses.normalization
+    own = labels[observed_set.tracks] == label
+    observed = observed_set.observed[own]
     weights = np.ones(int(own.sum()))
     for _ in range(REWEIGHTINGS):
-        fitted, valid = model.fit(observed[own], weights[None])
-        residual = model.residuals(fitted, observed[own], entry.normalization)[0]
+        fitted, valid = model.fit(observed, weights[None])
+        residual = model.residuals(fitted, observed, normalization)[0]
         finite = np.where(np.isfinite(residual), residual, 1e9)
-        weights = (1 + (finite / (2 * np.median(finite) + 1e-12)) ** 2) ** -2.0
-    everywhere = np.full(len(points), np.nan)
+        weights = geman_mcclure_weights(finite**2, (2 * float(np.median(finite)) + 1e-12) ** 2)
+    everywhere = np.full(len(labels), np.nan)
     if valid[0]:
-        everywhere[tracks] = model.residuals(fitted, observed, entry.normalization)[0]
-    mine = everywhere[tracks[own]]
+        everywhere[observed_set.tracks] = observed_set.residuals(fitted)[0]
+    mine = everywhere[observed_set.tracks[own]]
     rms = float(np.sqrt(np.mean(mine**2))) if np.isfinite(mine).all() and len(mine) else 0.0
     motion = Motion(
         label=label,
-        set_index=place,
+        set_index=index,
         model=model.name,
         parameters=fitted[0],
         inliers=np.flatnonzero(labels == label),

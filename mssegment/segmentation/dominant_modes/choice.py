@@ -10,14 +10,10 @@ from __future__ import annotations
 import numpy as np
 
 from mssegment.records import Floats, Record
+from mssegment.sampling.observed import ObservedSet
 from mssegment.segmentation.dominant_modes.inliers import SPARE, Fitted, fit_within, inlier_limit
 from mssegment.segmentation.dominant_modes.refit import compete
-from mssegment.segmentation.selection import (
-    ObservedSet,
-    SelectedMotion,
-    SelectionProblem,
-    SelectionResult,
-)
+from mssegment.segmentation.selection import SelectedMotion, SelectionProblem, SelectionResult
 
 CANDIDATES = 60
 """Modes looked at, heaviest first."""
@@ -53,11 +49,11 @@ def dominance(problem: SelectionProblem) -> SelectionResult:
     index = max(problem.modes, key=lambda mode: mode.kde * mode.hypotheses).set_index
     observed_set = problem.observed_sets[index]
     candidates, cut = _candidates(problem, index)
-    found = _distinct(observed_set, candidates, problem.motions)
+    found = _distinct(observed_set, candidates, problem.options.motions)
     masses = np.array([candidate.mass for candidate in found])
-    count, notes = problem.motions, []
+    count, notes = problem.options.motions, []
     if count is None:
-        count = max(largest_gap(masses, _lone(observed_set)), problem.min_motions)
+        count = max(largest_gap(masses, _lone(observed_set)), problem.options.min_motions)
         notes += _warnings(masses, count)
     if count > len(found):
         notes.append(f"{count} motions were wanted, but only {len(found)} modes stand for one")

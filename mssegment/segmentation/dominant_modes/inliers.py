@@ -10,13 +10,12 @@ spread of the logarithm of a noise does not depend on its size.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 
 import numpy as np
 
 from mssegment.models import Flags, MotionModel
 from mssegment.records import Floats, Record
-from mssegment.segmentation.selection import ObservedSet
+from mssegment.sampling.observed import ObservedSet
 from mssegment.special import chi_square_quantile, median, trigamma_of_half
 
 GRID = 0.02
@@ -111,33 +110,15 @@ def _chi_median(c: int) -> float:
 
 
 def fit_within(observed_set: ObservedSet, point: Floats, cut: float) -> Fitted | None:
-    """``point`` fitted to its inliers within ``cut`` pixels, by turns until these stay.
+    """``point`` fitted to its inliers within ``cut`` pixels, alternating until these stay.
 
     None where the motion loses its inliers on the way.
     """
-    return _fitted(observed_set, point, lambda residuals: cut)
-
-
-def fit_to_basin(observed_set: ObservedSet, point: Floats) -> Fitted | None:
-    """``point`` fitted to the basin of its own residuals, by turns until the inliers stay.
-
-    None where the motion loses its inliers on the way.
-    """
-    dimension, least = observed_set.model.residual_dimension, observed_set.model.subset_size + SPARE
-    return _fitted(
-        observed_set, point, lambda residuals: first_minimum(residuals, dimension, least)
-    )
-
-
-def _fitted(
-    observed_set: ObservedSet, point: Floats, limit: Callable[[Floats], float]
-) -> Fitted | None:
-    """Alternates inliers, up to the ``limit`` of the residuals, and least squares."""
     least = observed_set.model.subset_size + SPARE
     residuals = observed_set.residuals(point[None])[0]
     inliers = np.zeros(len(residuals), dtype=np.bool_)
     for _ in range(ROUNDS):
-        before, inliers = inliers, np.asarray(residuals <= limit(residuals))
+        before, inliers = inliers, np.asarray(residuals <= cut)
         if np.array_equal(inliers, before):
             break
         points, valid = observed_set.fit(inliers[None].astype(np.float64))

@@ -6,8 +6,8 @@ import numpy as np
 
 from mssegment.models import Flags
 from mssegment.records import Floats
+from mssegment.sampling.observed import ObservedSet
 from mssegment.segmentation.dominant_modes.inliers import inlier_limit
-from mssegment.segmentation.selection import ObservedSet
 
 ROUNDS = 10
 

@@ -11,9 +11,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from mssegment.records import Floats, Integers, Record, replace
+from mssegment.sampling.observed import ObservedSet
 from mssegment.segmentation.mdl.displacement import displacement_gains
 from mssegment.segmentation.mdl.likelihood import Noise
-from mssegment.segmentation.selection import ObservedSet
 
 UNSOUND = 1e6
 """Pixels; stands for an infinite residual."""

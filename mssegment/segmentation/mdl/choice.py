@@ -26,6 +26,7 @@ from mssegment.segmentation.mdl.labelling import NEIGHBOURS, Neighbourhood, neig
 from mssegment.segmentation.mdl.likelihood import Noise, uniform_cost
 from mssegment.segmentation.mdl.refinement import refit_once
 from mssegment.segmentation.mdl.search import improve, refitted, start
+from mssegment.segmentation.options import Granularity
 from mssegment.segmentation.selection import SelectedMotion, SelectionProblem, SelectionResult
 
 TRUST = 0.5
@@ -64,7 +65,7 @@ def mdl(problem: SelectionProblem, recipe: Recipe = STANDARD) -> SelectionResult
     problem, notes = with_granularity(problem, recipe)
     best, description = shortest(problem, recipe)
     labels, best = settle(problem, best, description, recipe.neighbours)
-    if problem.granularity == "object" and problem.motions is None:
+    if problem.options.granularity == "object" and problem.options.motions is None:
         labels, best = join_faces(problem, labels, best, description)
     found = motions_of(best, labels, description)
     if len(found) < description.fewest:
@@ -89,11 +90,11 @@ def with_granularity(
     problem: SelectionProblem, recipe: Recipe
 ) -> tuple[SelectionProblem, list[str]]:
     """``problem`` with ``auto`` decided, and what to tell the user about it."""
-    if problem.granularity != "auto":
+    if problem.options.granularity != "auto":
         return problem, []
-    surfaces = replace(problem, granularity="surface")
+    surfaces = _at(problem, "surface")
     if not has_walls(problem):
-        return replace(problem, granularity="object"), [
+        return _at(problem, "object"), [
             "granularity auto: object (only homographies can tell surfaces from objects)"
         ]
     found, description = shortest(surfaces, recipe)
@@ -106,31 +107,37 @@ def with_granularity(
     suggestion = suggest(scales, inliers.sum(axis=1), problem.points)
     word = "are" if suggestion == "surface" else "are not"
     note = f"granularity auto: {suggestion} (the pieces {word} flat); the choice is yours"
-    return replace(problem, granularity=suggestion), [note]
+    return _at(problem, suggestion), [note]
+
+
+def _at(problem: SelectionProblem, granularity: Granularity) -> SelectionProblem:
+    return replace(problem, options=replace(problem.options, granularity=granularity))
 
 
 def has_walls(problem: SelectionProblem) -> bool:
     """Whether motions may be those of planes seen in perspective, parts of something larger."""
-    return any(observed_set.model.name == "homography" for observed_set in problem.observed_sets)
+    return any(
+        observed_set.model.planar_under_perspective for observed_set in problem.observed_sets
+    )
 
 
 def describe_tracks(
     problem: SelectionProblem, families: Sequence[Family], recipe: Recipe
 ) -> Description:
     """The description that ``problem`` asks for."""
-    given = problem.motions
-    exact = all(family.noise.free > 0 for family in families)
+    given = problem.options.motions
+    exact = all(family.observed_set.model.leaves_parallax_free for family in families)
     # a body that turns a little misfits its translation smoothly
     smooth = any(observed_set.model.needs_camera for observed_set in problem.observed_sets)
-    apart = problem.granularity == "surface" or (exact and not smooth)
+    apart = problem.options.granularity == "surface" or (exact and not smooth)
     nearest = nearest_neighbours(problem.points, NEIGHBOURS) if apart else None
     walls = has_walls(problem)
     # parallax, and a tracker's drift over many frames, are smooth inside a body: no second motion
-    rigid = problem.granularity == "surface" and problem.points.shape[1] == 2
+    rigid = problem.options.granularity == "surface" and problem.points.shape[1] == 2
     return Description(
         families,
         problem.points[:, 0],
-        fewest=problem.min_motions if given is None else given,
+        fewest=problem.options.min_motions if given is None else given,
         most=np.inf if given is None else given,
         price=recipe.price,
         label_cost=recipe.label_cost,
@@ -147,7 +154,7 @@ def make_families(problem: SelectionProblem, recipe: Recipe) -> list[Family]:
     for index, observed_set in enumerate(problem.observed_sets):
         model = observed_set.model
         free = model.free_extent(observed_set.observed, observed_set.hypotheses.normalization)
-        predicts_points = free == 0
+        predicts_points = not model.leaves_parallax_free
         floor, cap = scale_range(problem.points, predicts_points, model.needs_camera)
         noise = Noise(
             model.residual_dimension,
@@ -156,7 +163,7 @@ def make_families(problem: SelectionProblem, recipe: Recipe) -> list[Family]:
             cap,
             free,
             outlier,
-            parallax_of(problem.points, problem.granularity, predicts_points),
+            parallax_of(problem.points, problem.options.granularity, predicts_points),
             recipe.freedom,
         )
         families.append(Family(index, observed_set, noise))

@@ -13,6 +13,7 @@ from itertools import combinations
 
 import numpy as np
 
+from mssegment.geometry.projective import homogeneous_rows, transfer
 from mssegment.neighbours import nearest_others
 from mssegment.records import Floats, Integers
 from mssegment.segmentation.mdl.candidates import Candidates, join
@@ -38,11 +39,13 @@ def join_faces(
     The body's motion is the one that saves most on its tracks, of its faces' and of those fitted to
     all of it. Models that leave parallax free have no faces.
     """
-    if len(chosen) < 2 or any(family.noise.free > 0 for family in description.families):
+    if len(chosen) < 2 or any(
+        family.observed_set.model.leaves_parallax_free for family in description.families
+    ):
         return labels, chosen
     body = bodies(labels, continuous(problem, labels, chosen, description))
     count = int(body.max()) + 1
-    if count == len(chosen) or count < problem.min_motions:
+    if count == len(chosen) or count < problem.options.min_motions:
         return labels, chosen
     joined = np.where(labels > 0, body[labels - 1] + 1, 0)
     motions = []
@@ -98,11 +101,11 @@ def _across(labels: Integers, near: Integers, a: int, b: int) -> tuple[Integers,
 def _transferred(problem: SelectionProblem, chosen: Candidates, k: int, places: Floats) -> Floats:
     """Where motion ``k``, a 3 x 3 matrix, sends ``places`` [..., 2] of the first frame, pixels."""
     normalization = problem.observed_sets[int(chosen.set_indices[k])].hypotheses.normalization
-    matrix, scale = chosen.points[k], normalization.scale
-    rays = np.append((places - normalization.centres[0]) / scale, np.ones_like(places[..., :1]), -1)
-    image = rays @ matrix.T
-    with np.errstate(divide="ignore", invalid="ignore"):
-        return np.asarray(scale * image[..., :2] / image[..., 2:] + normalization.centres[1])
+    scale, shape = normalization.scale, places.shape
+    rows = homogeneous_rows(((places - normalization.centres[0]) / scale).reshape(-1, 2))
+    x, y, _ = transfer(chosen.points[k][None], rows)
+    image = scale * np.stack([x[0], y[0]], axis=1).reshape(shape)
+    return np.asarray(image + normalization.centres[1])
 
 
 def _saving_most(tried: Candidates, tracks: Floats) -> Candidates:

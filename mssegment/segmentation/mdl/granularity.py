@@ -12,7 +12,7 @@ from __future__ import annotations
 import numpy as np
 
 from mssegment.records import Floats, Integers
-from mssegment.segmentation.selection import Granularity
+from mssegment.segmentation.options import Granularity
 
 LEAST_SCALE = 1e-6
 """Pixels; tracks that all lie in one place must not divide by zero."""

@@ -122,7 +122,10 @@ def cut_sets(chosen: Candidates, description: Description) -> list[Candidates]:
     sets = []
     for i, j in combinations_with_replacement(range(len(chosen)), 2):
         family = description.families[int(chosen.set_indices[i])]
-        if family.noise.free <= 0 or chosen.set_indices[j] != chosen.set_indices[i]:
+        if (
+            not family.observed_set.model.leaves_parallax_free
+            or chosen.set_indices[j] != chosen.set_indices[i]
+        ):
             continue
         halves = cut((labels == i + 1) | (labels == j + 1), description.places)
         if halves.sum(axis=1).min() <= family.observed_set.model.subset_size:

@@ -6,20 +6,15 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from mssegment.geometry.flats import leave_one_out_residuals, principal_components
 from mssegment.models import Flags
 from mssegment.records import OUTLIER, Floats, Integers
+from mssegment.sampling.observed import ObservedSet
 from mssegment.sampling.validation import first_test, spared
-from mssegment.segmentation.consensus.model_order import principal_components
-from mssegment.segmentation.consensus.outliers import leave_one_out_residuals
 from mssegment.segmentation.mixture.likelihood import FEWEST, Likelihood
 from mssegment.segmentation.mixture.mode_votes import ModeVotes
 from mssegment.segmentation.mixture.search import VOTE_WEIGHT, partitions, saved_by_parting, starts
-from mssegment.segmentation.selection import (
-    ObservedSet,
-    SelectedMotion,
-    SelectionProblem,
-    SelectionResult,
-)
+from mssegment.segmentation.selection import SelectedMotion, SelectionProblem, SelectionResult
 
 DISTINCT = 38.0
 """Two groups are two bodies if (cost of the union - cost apart) / sqrt(tracks) is above this."""
@@ -62,9 +57,7 @@ def mixture(problem: SelectionProblem) -> SelectionResult:
 def _groups(problem: SelectionProblem, mode_votes: Sequence[ModeVotes], kept: Integers) -> Integers:
     """Labels 1.. of the tracks ``kept``, the others OUTLIER [P]."""
     # the hypotheses of planes are the purest: most tracks near each other lie in one
-    purest = min(
-        range(len(mode_votes)), key=lambda i: problem.observed_sets[i].hypotheses.points.shape[-1]
-    )
+    purest = min(range(len(mode_votes)), key=lambda i: problem.observed_sets[i].model.subset_size)
     components = principal_components(problem.points[kept])
     likelihood = Likelihood(components, mode_votes[purest].vote_shares[kept])
     best = partitions(likelihood, starts(problem, mode_votes, kept))
@@ -79,7 +72,7 @@ def _joined(problem: SelectionProblem, labels: Integers) -> Integers:
     Where a body is not rigid, many of its tracks fit nothing around them.
     """
     observed_set = max(
-        problem.observed_sets, key=lambda observed_set: observed_set.hypotheses.points.shape[-1]
+        problem.observed_sets, key=lambda observed_set: observed_set.model.subset_size
     )
     names = np.unique(labels[labels > 0])
     points, _ = observed_set.fit((labels == names[:, None]).astype(np.float64))
@@ -99,10 +92,10 @@ def _relative_residuals(points: Floats, labels: Integers) -> Floats:
 
 def _count(problem: SelectionProblem, likelihood: Likelihood, best: dict[int, Integers]) -> int:
     """The number given; else groups are added as long as all of them are distinct."""
-    given = problem.motions
+    given = problem.options.motions
     if given:
         return min(best, key=lambda count: (abs(count - given), count))
-    groups = max(1, min(problem.min_motions, max(best)))
+    groups = max(1, min(problem.options.min_motions, max(best)))
     while groups + 1 in best and groups < MOST_MOTIONS:
         if distinctness(likelihood, best[groups + 1]) < DISTINCT:
             break
@@ -124,7 +117,7 @@ def _chosen(problem: SelectionProblem, inliers: Flags) -> SelectedMotion:
     """The motion of a group: the lowest rank that explains it."""
     fits = [_fit(observed_set, inliers) for observed_set in problem.observed_sets]
     least = min(rms for _, rms in fits)
-    ranks = [observed_set.hypotheses.points.shape[-1] for observed_set in problem.observed_sets]
+    ranks = [observed_set.model.subset_size for observed_set in problem.observed_sets]
     index = min(
         (i for i, (_, rms) in enumerate(fits) if rms <= PLANAR * least), key=lambda i: ranks[i]
     )

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from mssegment.geometry.robust import StudentTFit, hard_em
 from mssegment.records import Floats, Integers
 
 LEAST_SPREAD = 0.5
@@ -18,8 +19,6 @@ LEAST_SPREAD = 0.5
 perspective does to one body is more than the noise."""
 FREEDOM = 5.0
 """Degrees of freedom of the Student-t cloud."""
-ROUNDS = 3
-"""Reweightings of a cloud."""
 MOST_LEVERAGE = 0.98
 EM_ROUNDS = 20
 FEWEST = 5
@@ -34,8 +33,7 @@ class Likelihood:
     def __init__(self, components: Floats, votes: Floats) -> None:
         self._components, self._votes = components, votes
         self._tracks, self._dimensions = components.shape
-        self._upper = np.triu_indices(self._dimensions)
-        self._products = components[:, self._upper[0]] * components[:, self._upper[1]]
+        self._student_t = StudentTFit(components, FREEDOM, LEAST_SPREAD)
         others = votes.sum(axis=0) - votes
         # what one track says about another of the same mode; a mode of one track says nothing
         self._says = np.where(others > 1e-9, votes / np.maximum(others, 1e-9), 0.0)
@@ -57,11 +55,11 @@ class Likelihood:
         q is the squared Mahalanobis distance; both are those of the cloud without the track, which
         its leverage h tells: q / (1 - h) and |S| (1 - h).
         """
-        squared, spread, weights = self._clouds(members)
+        fitted = self._student_t(members)
         sizes = members.sum(axis=1)[:, None]
-        leverage = np.minimum(weights * squared / sizes, MOST_LEVERAGE)
-        tails = np.log1p(squared / (1 - leverage) / FREEDOM)
-        scale = spread[:, None] + np.log1p(-leverage)
+        leverage = np.minimum(fitted.weights * fitted.squared / sizes, MOST_LEVERAGE)
+        tails = np.log1p(fitted.squared / (1 - leverage) / FREEDOM)
+        scale = fitted.log_det[:, None] + np.log1p(-leverage)
         return np.asarray(((self._dimensions + FREEDOM) * tails + scale) / 2)
 
     def label_costs(self, members: Floats) -> Floats:
@@ -76,45 +74,13 @@ class Likelihood:
 
     def refine(self, labels: Integers, weight: float) -> Integers:
         """Hard expectation maximization of labels [P]; groups below FEWEST tracks dissolve."""
-        for _ in range(EM_ROUNDS):
-            names, sizes = np.unique(labels, return_counts=True)
-            names = names[sizes >= FEWEST]
-            if not len(names):
-                return np.zeros(len(labels), dtype=np.int64)
-            members = (labels == names[:, None]).astype(np.float64)
-            costs = self.track_costs(members) + weight * self.label_costs(members)
-            found = names[costs.argmin(axis=0)]
-            if np.array_equal(found, labels):
-                break
-            labels = found
-        return renumbered(labels)
 
-    def _clouds(self, members: Floats) -> tuple[Floats, Floats, Floats]:
-        """Squared distances [G, P] from each group's cloud, its ln|S| [G], its weights [G, P]."""
-        sizes = members.sum(axis=1)[:, None, None]
-        weights = members
-        for _ in range(ROUNDS):
-            used = weights
-            total = used.sum(axis=1)
-            middle = used @ self._components / total[:, None]
-            scatter = np.empty((len(members), self._dimensions, self._dimensions))
-            moments = used @ self._products
-            scatter[:, self._upper[0], self._upper[1]] = moments
-            scatter[:, self._upper[1], self._upper[0]] = moments
-            scatter -= total[:, None, None] * middle[:, :, None] * middle[:, None, :]
-            lower = np.linalg.cholesky(scatter / sizes + LEAST_SPREAD**2 * np.eye(self._dimensions))
-            away = np.linalg.inv(lower) @ (self._components.T - middle[:, :, None])
-            squared = (away**2).sum(axis=1)
-            weights = members * (self._dimensions + FREEDOM) / (FREEDOM + squared)
-        spread = 2 * np.log(np.diagonal(lower, axis1=1, axis2=2)).sum(axis=1)
-        return squared, spread, used
+        def costs(members: Floats) -> Floats:
+            return np.asarray(self.track_costs(members) + weight * self.label_costs(members))
+
+        return hard_em(labels, costs, EM_ROUNDS, FEWEST)
 
 
 def membership(labels: Integers) -> Floats:
     """``members`` [G, P] of labels 0.. [P]."""
     return np.asarray(np.eye(int(labels.max()) + 1)[:, labels])
-
-
-def renumbered(labels: Integers) -> Integers:
-    """The same groups, numbered 0, 1, ... without gaps."""
-    return np.asarray(np.unique(labels, return_inverse=True)[1].ravel())

@@ -7,8 +7,9 @@ from itertools import combinations
 
 import numpy as np
 
+from mssegment.geometry.robust import relabelled
 from mssegment.records import Floats, Integers
-from mssegment.segmentation.mixture.likelihood import Likelihood, membership, renumbered
+from mssegment.segmentation.mixture.likelihood import Likelihood, membership
 from mssegment.segmentation.mixture.mode_votes import ModeVotes
 from mssegment.segmentation.selection import SelectionProblem
 
@@ -31,7 +32,7 @@ def starts(
     """
     fitting = [_best_fitting(problem, index)[kept] for index in range(len(problem.observed_sets))]
     climbing = [one.vote_shares[kept].argmax(axis=1) for one in mode_votes]
-    return [renumbered(labels) for labels in fitting + climbing]
+    return [relabelled(labels) for labels in fitting + climbing]
 
 
 def _best_fitting(problem: SelectionProblem, index: int) -> Integers:

@@ -1,4 +1,4 @@
-"""Hypotheses of long sequences: subspaces of both ranks, pooled."""
+"""Hypotheses of one model in all of its ranks, pooled: subspaces of planar and general bodies."""
 
 from __future__ import annotations
 
@@ -8,17 +8,18 @@ import numpy as np
 
 from mssegment.models import Flags
 from mssegment.records import Floats, HypothesisSet
-from mssegment.sampling.elemental_subsets import hypothesize
+from mssegment.sampling.elemental_subsets import Count, Sampling, hypothesize
 
 HYPOTHESES = 200
 """Hypotheses of each rank."""
 
 
-def draw_pooled_sets(
+def draw_all_ranks(
     points: Floats,
     *,
-    count: int | Literal["auto"],
-    sampling: Literal["local", "uniform"],
+    model: str,
+    count: Count,
+    sampling: Sampling,
     eligible: Flags,
     rank: int | Literal["auto"],
     rng: np.random.Generator,
@@ -34,7 +35,7 @@ def draw_pooled_sets(
         for own in ranks
         for entry in hypothesize(
             points,
-            model="factorization",
+            models=(model,),
             count=wanted,
             sampling=sampling,
             eligible=eligible,

@@ -1,0 +1,62 @@
+"""The names of all motion models: a model is one file in ``models/`` and one line here.
+
+Nothing is imported before a name is looked up, so that option choices and help texts, which are
+made from the names, cost no start-up time.
+"""
+
+from __future__ import annotations
+
+import importlib
+from collections.abc import Iterator, Mapping
+from typing import Any, Generic, TypeVar
+
+T = TypeVar("T")
+
+
+class Registry(Mapping[str, T], Generic[T]):
+    """Names and where the things they name are defined, ``package.module:attribute``."""
+
+    def __init__(self, kind: str, places: Mapping[str, str]) -> None:
+        self.kind = kind
+        self._places = dict(places)
+        self._found: dict[str, T] = {}
+
+    def __getitem__(self, name: str) -> T:
+        """Import and return what ``name`` names; raises KeyError for an unknown name."""
+        if name not in self._found:
+            module, _, attribute = self._places[name].partition(":")
+            self._found[name] = getattr(importlib.import_module(module), attribute)
+        return self._found[name]
+
+    def __contains__(self, name: object) -> bool:
+        """Whether the name is registered; imports nothing."""
+        return name in self._places
+
+    def __iter__(self) -> Iterator[str]:
+        """The names in the order in which a user sees them."""
+        return iter(self._places)
+
+    def __len__(self) -> int:
+        """The number of names."""
+        return len(self._places)
+
+
+MODELS: Registry[Any] = Registry(
+    "motion model",
+    {
+        "translation": "mssegment.models.translation:Translation",
+        "factorization": "mssegment.models.factorization:Factorization",
+        "affine": "mssegment.models.affine:Affine",
+        "homography": "mssegment.models.homography:Homography",
+    },
+)
+"""The motion models that a user may choose (``hypothesize.model``)."""
+
+EVIDENCE: Registry[Any] = Registry(
+    "evidence model",
+    {
+        "flat": "mssegment.models.flat:Flat",
+        "fundamental": "mssegment.models.fundamental:Fundamental",
+    },
+)
+"""Further models whose hypotheses group the tracks of long sequences."""
