@@ -18,10 +18,11 @@ def rotation(vectors: Floats) -> Floats:
 
 def skew(vectors: Floats) -> Floats:
     """The matrices [v]x [..., 3, 3] with [v]x w = v x w, for vectors [..., 3]."""
-    x, y, z = vectors[..., 0], vectors[..., 1], vectors[..., 2]
-    zero = np.zeros_like(x)
-    rows = [[zero, -z, y], [z, zero, -x], [-y, x, zero]]
-    return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
+    matrices = np.zeros((*vectors.shape, 3))
+    for axis, (row, column) in enumerate(((2, 1), (0, 2), (1, 0))):
+        matrices[..., row, column] = vectors[..., axis]
+        matrices[..., column, row] = -vectors[..., axis]
+    return matrices
 
 
 def degrees(rotations: Floats) -> Floats:
