@@ -1,4 +1,4 @@
-"""The commented config.yaml that `mssegment init` writes, made from the settings themselves."""
+"""The commented config.yaml that `mssegment init` writes, generated from the settings."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ import yaml
 from mssegment.configuration.settings import KEYS
 
 _HEADER = """\
-# Configuration of mssegment. `mssegment run config.yaml --out out` runs it.
-# Every key is here with its default; what you do not need may be deleted.
-# Paths are relative to this file.
+# Configuration of mssegment; run it with `mssegment run config.yaml --out out`.
+# All keys are listed with their defaults; delete the ones you do not need.
+# Relative paths are relative to this file.
 """
 
 _IMAGES = {
@@ -21,7 +21,7 @@ _IMAGES = {
 
 
 def template(model: str = "auto") -> str:
-    """The text of a configuration for ``model`` that may be edited and run."""
+    """The text of a configuration file for the motion model ``model``."""
     values: dict[str, Any] = {key: setting.default for key, setting in KEYS.items()}
     values["hypothesize.model"] = model
     values["input.images"] = _IMAGES.get(model, ["1.png", "2.png"])
