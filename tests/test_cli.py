@@ -307,7 +307,7 @@ def test_a_document_of_another_stage(tracks_csv: str, call: Call) -> None:
     for command, said in (
         ("cluster", "run `mssegment hypothesize` on it first"),
         ("report", "run `mssegment hypothesize | mssegment cluster` on it first"),
-        ("match", "that `mssegment detect` wrote"),
+        ("match", "written by `mssegment detect`"),
     ):
         outcome = call(command, stdin=tracks)
         assert outcome.status == ExitStatus.DATA
