@@ -83,7 +83,7 @@ def test_the_rules_for_background_and_ignored() -> None:
 
 
 def test_lengths_must_agree() -> None:
-    with pytest.raises(ValueError, match="2 found labels, but 1 true"):
+    with pytest.raises(ValueError, match="2 found labels, but 1 true labels"):
         evaluate(np.array([1, 2]), np.array([1]))
 
 
