@@ -225,7 +225,7 @@ def bad_pictures(folder: Path) -> dict[str, tuple[list[str], str]]:
     (folder / "text.png").write_text("no picture at all")
     (folder / "nothing").mkdir()
     return {
-        "none": ([], "no pictures given"),
+        "none": ([], "no images given"),
         "missing": ([good, str(folder / "no.png")], "no.png"),
         "empty": ([good, str(folder / "empty.png")], "empty.png"),
         "truncated": ([good, str(folder / "cut.png")], "cut.png"),

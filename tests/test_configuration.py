@@ -207,3 +207,23 @@ def test_a_camera_file_holds_a_camera_and_nothing_else(tmp_path: Path) -> None:
 def test_a_number_with_an_exponent_is_a_number() -> None:
     # YAML 1.1 reads 1e-2 as text
     assert resolve(from_text(["cluster.bandwidth=1e-2"])).cluster.bandwidth == 0.01
+
+
+def test_the_descriptions_state_the_automatic_values_that_the_program_uses() -> None:
+    from mssegment.imaging import corners
+    from mssegment.imaging.matching import klt
+    from mssegment.sampling.strategy import AUTO_FRAMES
+
+    for key, phrase in (
+        ("detect.levels", f"auto: {corners.LEVELS_TWO_VIEWS} or more for two views"),
+        (
+            "detect.max_corners",
+            f"auto: {corners.LIMIT_TWO_VIEWS} for two views, otherwise {corners.LIMIT_SEQUENCE}.",
+        ),
+        ("detect.quality", f"auto: {corners.QUALITY:.4f}."),
+        ("detect.min_distance", f"otherwise {corners.DISTANCE_SEQUENCE:g}."),
+        ("match.min_length", f"up to {corners.FEW_FRAMES} frames, otherwise {klt.SHORTEST}."),
+        ("cluster.method", f"factorization over {AUTO_FRAMES} frames or more"),
+        ("hypothesize.rank", f"from {AUTO_FRAMES} frames on"),
+    ):
+        assert phrase in KEYS[key].description

@@ -162,10 +162,10 @@ def run_benchmark(
         Detect and match in the images that come with the tracks, and label the published tracks by
         the motions found.
 
-    Yields
-    ------
-    SequenceResult
-        One per sequence and seed, in order.
+    Returns
+    -------
+    iterator of SequenceResult
+        One per sequence and seed, in order, each as soon as it is computed.
 
     Raises
     ------

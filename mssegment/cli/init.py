@@ -20,14 +20,16 @@ MODELS = ("auto", "affine", "homography", "translation", "factorization")
     type=click.Choice(MODELS),
     default="auto",
     show_default=True,
-    help="The motion model that the configuration is for.",
+    help="Motion model of the configuration.",
 )
 @output_option
 @console_options
 def command(model: str, output: str | None, console: Console) -> None:
-    """Write a commented config.yaml with every key, its default and what it means."""
+    """Write a commented config.yaml that lists every key with its default and description."""
     from mssegment.configuration.template import template
 
     write_bytes(output or STANDARD, template(model).encode())
     if output not in (None, STANDARD):
-        console.note(f"{output} written; put your pictures into input.images, then `mssegment run`")
+        console.note(
+            f"wrote {output}; set input.images in it, then run it with `mssegment run {output}`"
+        )

@@ -114,8 +114,8 @@ class MatchSettings(Section, frozen=True):
     min_length: Annotated[
         Auto | Annotated[int, Meta(ge=2)],
         Meta(
-            description="Minimum track length of method flow, in frames; auto: all frames up to 8 "
-            "frames, otherwise 3."
+            description="Minimum track length in frames, for method flow; auto: the whole sequence "
+            "for up to 8 frames, otherwise 3."
         ),
     ] = "auto"
 
