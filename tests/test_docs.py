@@ -1,17 +1,20 @@
-"""The documentation says what the program does: help texts, settings, examples, links."""
+"""The documentation states what the program does: help texts, settings, examples, links."""
 
 from __future__ import annotations
 
 import re
 import shlex
+import tomllib
 from pathlib import Path
 
 import click
 import pytest
 
 from docs.reference import BEGIN, END, commands_page, readme_with_table
-from mssegment.cli import COMMANDS, cli
+from mssegment.cli import COMMANDS, cli, invoke
 from mssegment.configuration import KEYS
+from mssegment.manifolds import Manifold
+from mssegment.models import MotionModel
 
 ROOT = Path(__file__).parents[1]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
@@ -69,3 +72,47 @@ def test_the_python_of_the_readme_runs(monkeypatch: pytest.MonkeyPatch) -> None:
     assert len(blocks) >= 3
     for block in blocks:
         exec(compile(block, "README.md", "exec"), {})
+
+
+def test_the_readme_lists_what_a_manifold_and_a_model_implement() -> None:
+    guide = README.split("### Extending it")[1].split("###")[0]
+    manifold, model = guide.split("- **A motion model**")
+    for text, base in ((manifold, Manifold), (model, MotionModel)):
+        missing = {name for name in base.__abstractmethods__ if f"`{name}`" not in text}
+        assert not missing, f"{base.__name__}: {missing}"
+
+
+def test_the_readme_lists_every_package() -> None:
+    table = README.split("## Architecture")[1].split("###")[0]
+    for path in (ROOT / "mssegment").iterdir():
+        is_package = path.is_dir() and (path / "__init__.py").exists()
+        if is_package or (path.suffix == ".py" and path.stem not in ("__init__", "version")):
+            assert f"`{path.name}{'/' * is_package}`" in table
+
+
+def test_the_readme_names_every_dependency() -> None:
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    table = README.split("### Run-time dependencies")[1].split("##")[0]
+    names = [re.split(r"[<>=]", entry)[0] for entry in project["dependencies"]]
+    assert re.findall(r"^\| ([a-z-]+) \| ", table, re.MULTILINE)[1:] == names
+
+
+def without_numbers(text: str) -> list[str]:
+    """The lines of a console output without their numbers, which depend on the processor."""
+    return [" ".join(re.sub(r"[\d.]+", "#", line).split()) for line in text.splitlines()]
+
+
+def test_the_consoles_of_the_readme_show_what_the_program_prints(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "sample_data").symlink_to(ROOT / "sample_data")
+    consoles = re.findall(r"```console\n\$ mssegment (.*?)\n(.*?)```", README, re.S)
+    assert len(consoles) == 2
+    for command, shown in consoles:
+        assert invoke([*shlex.split(command), "--format", "text"]) == 0
+        outcome = capfd.readouterr()
+        printed = without_numbers(outcome.err + outcome.out)
+        for part in shown.split("...\n"):
+            lines = without_numbers(part.strip("\n"))
+            assert "\n".join(lines) in "\n".join(printed)

@@ -6,9 +6,10 @@ import click
 
 from mssegment.cli import COMMANDS
 from mssegment.cli.common import Console, console_options, output_option
+from mssegment.configuration import KEYS
 from mssegment.documents import STANDARD, write_bytes
 
-MODELS = ("auto", "affine", "homography", "translation", "factorization")
+MODELS = KEYS["hypothesize.model"].choices.split("|")
 
 
 @click.command(

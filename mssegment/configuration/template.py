@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import textwrap
 from typing import Any
 
 import yaml
@@ -35,7 +36,10 @@ def template(model: str = "auto") -> str:
             lines.append(f"\n{section}:")
             current = section
         indent = "  " if section else ""
-        lines.append(f"{indent}# {setting.description} ({setting.choices})")
+        comment = f"{setting.description} ({setting.choices})"
+        lines += textwrap.wrap(
+            comment, 98, initial_indent=f"{indent}# ", subsequent_indent=f"{indent}# "
+        )
         lines.append(f"{indent}{name}: {_yaml(values[key])}")
     return "\n".join(lines) + "\n"
 
