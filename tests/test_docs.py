@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import doctest
+import importlib
 import re
 import shlex
 import tomllib
@@ -18,6 +20,11 @@ from mssegment.models import MotionModel
 
 ROOT = Path(__file__).parents[1]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
+WITH_EXAMPLES = [
+    path
+    for path in sorted((ROOT / "mssegment").rglob("*.py"))
+    if ">>> " in path.read_text(encoding="utf-8")
+]
 
 
 def command_named(name: str) -> click.Command:
@@ -95,6 +102,14 @@ def test_the_readme_names_every_dependency() -> None:
     table = README.split("### Run-time dependencies")[1].split("##")[0]
     names = [re.split(r"[<>=]", entry)[0] for entry in project["dependencies"]]
     assert re.findall(r"^\| ([a-z-]+) \| ", table, re.MULTILINE)[1:] == names
+
+
+@pytest.mark.parametrize("path", WITH_EXAMPLES, ids=lambda path: str(path.relative_to(ROOT)))
+def test_the_examples_of_the_docstrings_run(path: Path) -> None:
+    name = ".".join(path.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__")
+    outcome = doctest.testmod(importlib.import_module(name))
+    assert outcome.attempted
+    assert not outcome.failed
 
 
 def without_numbers(text: str) -> list[str]:

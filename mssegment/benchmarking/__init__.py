@@ -225,7 +225,28 @@ def summarise(results: Iterable[SequenceResult]) -> dict[str, GroupSummary]:
 
 
 def run_case(case: Case, seed: int, options: Options) -> SequenceResult:
-    """Run one sequence with one seed."""
+    """Run one sequence with one seed.
+
+    Parameters
+    ----------
+    case : Case
+        The sequence.
+    seed : int
+        Seed of the pipeline, of the order of the tracks, and of added outliers.
+    options : Options
+        The options of the benchmark.
+
+    Returns
+    -------
+    SequenceResult
+
+    Raises
+    ------
+    DataError
+        If the file is damaged, or has too few tracks for the motion model.
+    UsageError
+        If images are needed and the file has none.
+    """
     # imported late, because the pipeline imports every package
     from mssegment.documents import TracksDocument
     from mssegment.pipeline import cluster, hypothesize
