@@ -1,4 +1,4 @@
-"""What can go wrong for a reason that the user can mend, and the exit status of each kind."""
+"""The errors that a user can correct, and the exit status of each kind."""
 
 from __future__ import annotations
 
@@ -18,24 +18,27 @@ class ExitStatus(IntEnum):
 
 
 class MssegmentError(Exception):
-    """An error for people: one line that says what was found, what was expected, what to do."""
+    """Base class of all errors meant for the user.
+
+    The message is one line that says what was found, what was expected, and what to do.
+    """
 
     status = ExitStatus.UNFORESEEN
 
 
 class UsageError(MssegmentError):
-    """The command was called in a way that cannot work (also: the output folder exists)."""
+    """A command or function was called with invalid arguments, or its output cannot be written."""
 
     status = ExitStatus.USAGE
 
 
 class ConfigurationError(MssegmentError):
-    """A configuration is missing, misspelt, or holds a value that cannot work."""
+    """A configuration is missing, has an unknown key, or has an invalid value."""
 
     status = ExitStatus.CONFIGURATION
 
 
 class DataError(MssegmentError):
-    """An input is missing, broken, or does not hold enough to work with."""
+    """An input file is missing or damaged, or the data are not sufficient."""
 
     status = ExitStatus.DATA

@@ -1,8 +1,8 @@
-"""Manual labels in files become one true label per track.
+"""Ground-truth labels in files, converted to one true label per track.
 
-A CSV holds located points with a label; a picture is a mask of one frame (0 none, n object n, 255
-ignore). Several masks belong to the frames in order when there is one for each; otherwise the
-number in a mask's name says which frame it labels.
+A CSV holds labelled points. An image is the mask of one frame: 0 no object, n object n, 255 ignore.
+If there is one mask per frame, they belong to the frames in order; otherwise the number in the name
+of a mask identifies its frame.
 """
 
 from __future__ import annotations
@@ -21,33 +21,52 @@ from mssegment.records import IGNORED, Frame, Integers, Tracks
 def true_labels(
     paths: Sequence[str], tracks: Tracks, frames: Sequence[Frame], radius: float
 ) -> Integers:
-    """The true label of every track [P] (0 none, 1..n, ``IGNORED``) from the files ``paths``.
+    """Read the true label of every track.
 
-    ``radius`` in pixels is how far a located point may be from its track. Raises DataError for
-    files that cannot be read, masks that fit no frame, and labels that match no track.
+    Parameters
+    ----------
+    paths : sequence of str
+        One CSV of labelled points, or mask images.
+    tracks : Tracks
+        The tracks [P, F, 2] in pixels.
+    frames : sequence of Frame
+        The frames of the tracks.
+    radius : float
+        Maximum distance in pixels from a labelled point to its track.
+
+    Returns
+    -------
+    ndarray [P] of int64
+        1..n for a motion, 0 outlier, ``IGNORED`` where there is no label.
+
+    Raises
+    ------
+    DataError
+        If a file cannot be read, a mask belongs to no frame or has another size, or no track gets
+        a label.
     """
     tables = [path for path in paths if Path(path).suffix.lower() == ".csv"]
     if tables and len(paths) > 1:
         raise DataError(
-            f"{', '.join(paths)}: manual labels are one CSV, or mask pictures; give one kind"
+            f"{', '.join(paths)}: expected either one CSV of labels or mask images, not both"
         )
     if tables:
         places, labels = read_located_labels(Path(tables[0]))
         found = labels_from_points(tracks.points, places, labels, radius)
-        hint = f"none lies within {radius:g} px of a track; are these the same pictures?"
+        hint = f"none lies within {radius:g} px of a track; do they belong to the same images?"
     else:
         masks = _read_masks(paths, frames)
         found = labels_from_masks(tracks.points, masks)
-        hint = "every track lies where the masks say ignore"
+        hint = "every visible point lies outside the masks or where they are 255 (ignore)"
     if len(found) and (found == IGNORED).all():
-        raise DataError(f"{', '.join(paths)}: the labels match no track, {hint}")
+        raise DataError(f"{', '.join(paths)}: the labels match no track: {hint}")
     return found
 
 
 def check_labels(paths: Sequence[str]) -> None:
-    """Raises DataError, as ``true_labels`` does, for files that cannot be read; cheap, for early.
+    """Check before the first stage that label files can be read; raises DataError if not.
 
-    Whether the labels fit the tracks can only be said when there are tracks.
+    Whether the labels match the tracks can only be checked once there are tracks.
     """
     from mssegment.imaging.frames import open_frames
 
@@ -69,8 +88,8 @@ def _read_masks(paths: Sequence[str], frames: Sequence[Frame]) -> dict[int, Inte
         path, mask = source.frames[i].path, np.asarray(source.pixels(i), dtype=np.int64)
         if mask.shape[:2] != (height, width):
             raise DataError(
-                f"{path}: the mask is {mask.shape[1]}x{mask.shape[0]}, "
-                f"the frames are {width}x{height}; draw it on the frame itself"
+                f"{path}: the mask is {mask.shape[1]}x{mask.shape[0]}; expected {width}x{height}, "
+                "the size of the frames"
             )
         masks[place] = _one_channel(mask, path)
     return masks
@@ -81,7 +100,9 @@ def _one_channel(mask: Integers, path: str) -> Integers:
         return mask
     colours = mask[..., :3]
     if (colours != colours[..., :1]).any():
-        raise DataError(f"{path}: a coloured mask; grey values 0 none, n object n were expected")
+        raise DataError(
+            f"{path}: found a coloured mask; expected grey values: 0 no object, n object n"
+        )
     return np.asarray(colours[..., 0])
 
 
@@ -96,8 +117,8 @@ def _frames_of(masks: Sequence[str], frames: Sequence[Frame]) -> list[int]:
     for path in masks:
         if _number(path) not in numbers:
             raise DataError(
-                f"{path}: no frame has this number; give one mask per frame, "
-                "or name masks like the frames they label (frame-3.png, mask-3.png)"
+                f"{path}: no frame has this number; give one mask per frame, or name each mask "
+                "like the frame that it labels (frame-3.png, mask-3.png)"
             )
         places.append(numbers.index(_number(path)))
     return places

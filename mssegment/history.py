@@ -1,4 +1,4 @@
-"""How a document came about: each stage leaves an entry with the settings that it used."""
+"""The history of a document: each stage adds an entry with the settings that affect its result."""
 
 from __future__ import annotations
 
@@ -21,19 +21,36 @@ STAGE_KEYS: dict[str, tuple[str, ...]] = {
     ),
     "cluster": ("seed", *(key for key in KEYS if key.startswith(("cluster.", "segment.")))),
 }
-"""The settings that change the result of a stage; its entry records them."""
+"""The settings that affect the result of each stage and are recorded in its history entry."""
 
 
 def entry_of(
     stage: str, configuration: Configuration | None = None, notes: tuple[str, ...] = ()
 ) -> HistoryEntry:
-    """The entry of a stage that ran with this configuration; ``import`` has none."""
+    """The history entry of a stage.
+
+    Parameters
+    ----------
+    stage : str
+        A key of ``STAGE_KEYS``.
+    configuration : Configuration, optional
+        The configuration of the stage; not needed for ``import``, which has no settings.
+    notes : tuple of str
+        Notes of the stage for the user.
+
+    Returns
+    -------
+    HistoryEntry
+    """
     settings = {key: _value(configuration, key) for key in STAGE_KEYS[stage]}
     return HistoryEntry(stage=stage, version=__version__, settings=settings, notes=notes)
 
 
 def inherited(document: Document) -> list[Setting]:
-    """The settings that earlier stages recorded in the document, such as the seed."""
+    """The settings that earlier stages recorded in the document, such as the seed.
+
+    They come before those of the command line, which override them.
+    """
     return [
         Setting(key, value, f"the {document.kind} document")
         for entry in document.history

@@ -1,7 +1,7 @@
-"""The nouns that pass between the rooms: frames, corners, tracks, hypotheses, modes, motions.
+"""The records that all packages share: frames, corners, tracks, hypotheses, modes, motions.
 
-Plain data without behaviour, so that every room may import it. ``documents`` writes these very
-records as JSON; an array is ``float64`` or ``int64``.
+They are plain data without behaviour, so every package may import this module. ``documents`` writes
+them as JSON. Arrays are ``float64`` or ``int64``.
 """
 
 from __future__ import annotations
@@ -22,13 +22,13 @@ Partition = Literal["spectral", "normalized_cuts", "average_linkage"]
 OUTLIER = 0
 """Label of a track that belongs to no motion."""
 BACKGROUND = -1
-"""Label of a track that stands still under a static camera."""
+"""Label of a static track under a static camera."""
 NOT_JUDGED = -2
-"""Label of a track that was seen too briefly to say anything."""
+"""Label of a track that is visible in too few frames to be assigned."""
 LARGEST_COORDINATE = 1e6
-"""Pixels; a track or corner that is farther out is a mistake in a file (and would overflow)."""
+"""Largest valid coordinate in pixels; anything larger is an error in a file and could overflow."""
 IGNORED = -3
-"""True label of a track that must not be counted (mask value 255)."""
+"""True label of a track that is not counted (mask value 255)."""
 
 
 replace = msgspec.structs.replace
@@ -36,21 +36,30 @@ replace = msgspec.structs.replace
 
 
 class Record(msgspec.Struct, frozen=True):
-    """Plain data that does not change, as a frozen dataclass.
+    """Base class of immutable records, similar to a frozen dataclass.
 
-    A dataclass writes and compiles its methods on every start, and a run has dozens of them; a
-    struct is made thirty times faster, and so is each instance.
+    A dataclass generates and compiles its methods at every start. A msgspec struct is defined
+    thirty times faster, and its instances are created faster too.
     """
 
 
 class State(msgspec.Struct):
-    """A record that changes: where a computation stands."""
+    """Base class of mutable records: the state of a computation."""
 
 
 class Frame(Record, frozen=True):
-    """One picture: the path as given, its size in pixels, the SHA-256 of the file.
+    """One frame: an image file, or one frame of a video or a file of tracks.
 
-    ``index`` is the frame number inside a video file, None for a picture.
+    Attributes
+    ----------
+    path : str
+        The path as given.
+    width, height : int
+        The size in pixels.
+    sha256 : str
+        The SHA-256 of the file.
+    index : int or None
+        The index of the frame inside a video or a file of tracks; None for an image file.
     """
 
     path: str
@@ -61,7 +70,17 @@ class Frame(Record, frozen=True):
 
 
 class Camera(Record, frozen=True):
-    """Pinhole intrinsics in pixels; ``distortion`` in OpenCV's order (k1, k2, p1, p2, k3, ...)."""
+    """A calibrated pinhole camera.
+
+    Attributes
+    ----------
+    fx, fy : float
+        Focal lengths in pixels.
+    cx, cy : float
+        Principal point in pixels; pixel centres are at whole numbers from 0.
+    distortion : tuple of float
+        Distortion coefficients in OpenCV's order: k1, k2, p1, p2, k3, ...
+    """
 
     fx: float
     fy: float
@@ -76,7 +95,17 @@ class Camera(Record, frozen=True):
 
 
 class Corners(Record, frozen=True):
-    """The corners of one frame: ``points`` [n, 2] pixels, ``responses`` [n], ``scales`` [n]."""
+    """The corners of one frame.
+
+    Attributes
+    ----------
+    points : ndarray [n, 2] of float64
+        Positions (x, y) in pixels.
+    responses : ndarray [n] of float64
+        Harris responses.
+    scales : ndarray [n] of float64
+        Scale of the pyramid level on which each was detected, in pixels per pixel of the level.
+    """
 
     points: Floats
     responses: Floats
@@ -84,11 +113,17 @@ class Corners(Record, frozen=True):
 
 
 class Tracks(Record, frozen=True):
-    """Scene points followed through the frames.
+    """Tracks: scene points followed through the frames. With two frames they are matches.
 
-    ``points`` [P, F, 2] pixels, NaN (null in JSON) where a track is not seen; ``affines``
-    [P, 2, 2] is the local affine map of a match from frame 1 to frame 2, where the matcher knows
-    it; ``labels`` [P] are true labels (0 none, 1..n motions), where somebody gave them.
+    Attributes
+    ----------
+    points : ndarray [P, F, 2] of float64
+        Positions (x, y) in pixels, NaN (null in JSON) where a point is not visible in a frame.
+    affines : ndarray [P, 2, 2] of float64, optional
+        Local affine map of each match from the first to the second frame, if the matcher
+        estimates it.
+    labels : ndarray [P] of int64, optional
+        True labels, if known: 0 outlier, 1..n motions.
     """
 
     points: Floats
@@ -97,17 +132,27 @@ class Tracks(Record, frozen=True):
 
     @property
     def visible(self) -> npt.NDArray[np.bool_]:
-        """Where each track is seen, [P, F]."""
+        """Whether each point is visible in each frame, [P, F]."""
         return np.asarray(np.isfinite(self.points).all(axis=-1))
 
 
 class Normalization(Record, frozen=True):
-    """How pixels became the coordinates in which a hypothesis is a point on its manifold.
+    """The map from pixels to the normalized coordinates in which a model is fitted.
 
-    Frame f of the set maps x to (x - ``centres``[f]) / ``scale``; ``centres`` is [F, 2] pixels and
-    ``scale`` is in pixels per unit, the same for every frame. For a calibrated camera ``scale`` is
-    fx, ``aspect`` is fy / fx, and ``rotation`` [3, 3] turns the rays of the second frame into the
-    orientation of the first (None: the camera did not turn).
+    A position x in frame f maps to (x - ``centres[f]``) / ``scale``. For a calibrated camera these
+    are the normalized image coordinates.
+
+    Attributes
+    ----------
+    centres : ndarray [F, 2] of float64
+        Origin of each frame, in pixels.
+    scale : float
+        Pixels per unit, the same for all frames; fx for a calibrated camera.
+    aspect : float
+        fy / fx for a calibrated camera, otherwise 1.
+    rotation : ndarray [3, 3] of float64, optional
+        For a calibrated camera, the rotation that maps the rays of the second frame into the
+        orientation of the first; None if the camera did not rotate.
     """
 
     centres: Floats
@@ -117,11 +162,26 @@ class Normalization(Record, frozen=True):
 
 
 class HypothesisSet(Record, frozen=True):
-    """Hypotheses of one motion model on one choice of frames.
+    """Hypotheses of one motion model over one selection of frames.
 
-    ``frames`` are indices into the document's frames; ``subsets`` [n, k] are indices of tracks;
-    ``points`` [n, ...] lie on ``manifold``; ``drawn`` is how many elemental subsets were tried.
-    Consensus groups tracks by sets that are ``evidence``; in the others it only states motions.
+    Attributes
+    ----------
+    model : str
+        The name of the motion model.
+    manifold : str
+        The name of its manifold, as in ``manifolds.from_name``.
+    frames : tuple of int
+        Indices into the frames of the document.
+    normalization : Normalization
+        From pixels to the coordinates of the hypotheses.
+    subsets : ndarray [n, k] of int64
+        The tracks of each elemental subset.
+    points : ndarray [n, ...] of float64
+        The hypotheses, points on the manifold.
+    drawn : int
+        The number of elemental subsets drawn, of which n were kept.
+    evidence : bool
+        Whether consensus groups tracks by this set; with the others it only states motions.
     """
 
     model: str
@@ -148,10 +208,20 @@ class Hypotheses(Record, frozen=True):
 
 
 class Mode(Record, frozen=True):
-    """A local maximum of the kernel density of the hypotheses of set ``set_index``.
+    """A local maximum of the kernel density of a set of hypotheses.
 
-    ``hypotheses`` counts the mean shift trajectories that end here, ``kde`` is the kernel density
-    (7) without its constant, ``motion`` the label of the motion that grew from it (0: none).
+    Attributes
+    ----------
+    set_index : int
+        The index of the set.
+    hypotheses : int
+        The number of hypotheses whose mean shift trajectories converge to this mode.
+    kde : float
+        The kernel density at the mode, equation (7) without its constant factor.
+    point : ndarray of float64
+        The mode, a point on the manifold of the set.
+    motion : int
+        The label of the motion that was selected from it; 0 if none.
     """
 
     set_index: int
@@ -162,13 +232,27 @@ class Mode(Record, frozen=True):
 
 
 class Motion(Record, frozen=True):
-    """A mode that survived selection, refitted to its inliers.
+    """A selected mode, refitted to its inliers.
 
-    ``label`` is its number, 1 the one with most inliers; ``parameters`` is its point on the
-    manifold of ``set_index``'s model (``model`` names it: ``auto`` may choose per motion);
-    ``inliers`` are indices of tracks; ``scale`` is the standard deviation of its residuals and
-    ``rms`` their root mean square, in pixels; ``cost_saved`` is the description length that the
-    motion saves (nats), None where the selection does not reckon with it.
+    Attributes
+    ----------
+    label : int
+        The number of the motion; 1 has the most inliers.
+    set_index : int
+        The index of the set that it comes from.
+    model : str
+        The motion model; with ``auto`` each motion has its own.
+    parameters : ndarray of float64
+        The motion, a point on the manifold of the model, in normalized coordinates.
+    inliers : ndarray of int64
+        Indices of its tracks.
+    scale : float
+        Estimated standard deviation of the residuals, in pixels.
+    rms : float
+        Root mean square of the residuals of the inliers, in pixels.
+    cost_saved : float, optional
+        Description length that the motion saves, in nats; None for a selection that does not
+        compute it.
     """
 
     label: int
@@ -182,10 +266,24 @@ class Motion(Record, frozen=True):
 
 
 class Segmentation(Record, frozen=True):
-    """The outcome of ``cluster``: modes strongest first, motions, one label per track.
+    """The result of ``cluster``.
 
-    ``residuals`` [motions, P] in pixels, NaN where a track has none; ``notes`` are sentences for
-    the user: what was decided, and what could not be.
+    Attributes
+    ----------
+    labels : ndarray [P] of int64
+        1..m for a motion, ``OUTLIER``, ``BACKGROUND`` or ``NOT_JUDGED``.
+    modes : tuple of Mode
+        The modes, strongest first.
+    motions : tuple of Motion
+        The motions, label 1 first.
+    bandwidths : tuple of float
+        The bandwidth of each set of hypotheses, in the distance of its manifold.
+    residuals : ndarray [m, P] of float64
+        Residual of each track from each motion, in pixels; NaN where there is none.
+    assignments : tuple of ndarray of int64
+        For each set, the index of the mode that each hypothesis converges to; -1 for none.
+    notes : tuple of str
+        Notes for the user on decisions and limitations.
     """
 
     labels: Integers

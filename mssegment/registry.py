@@ -44,10 +44,10 @@ class Registry(Mapping[str, T], Generic[T]):
 MODELS: Registry[Any] = Registry(
     "motion model",
     {
-        "translation": "mssegment.models.translation:Translation",
-        "factorization": "mssegment.models.factorization:Factorization",
         "affine": "mssegment.models.affine:Affine",
         "homography": "mssegment.models.homography:Homography",
+        "translation": "mssegment.models.translation:Translation",
+        "factorization": "mssegment.models.factorization:Factorization",
     },
 )
 """The motion models that a user may choose (``hypothesize.model``)."""

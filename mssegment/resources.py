@@ -1,4 +1,4 @@
-"""Time and memory: how much a stage takes, and how freed memory is kept for the next arrays."""
+"""Time and memory: measuring the stages, and keeping freed memory for the next arrays."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from mssegment.records import State
 
 
 class Timings(State):
-    """Seconds of every stage, in the order they ran, and peak memory in bytes after each."""
+    """Wall-clock seconds of each stage, in order, and the peak memory in bytes after each."""
 
     seconds: dict[str, float] = msgspec.field(default_factory=dict)
     peak_bytes: dict[str, int] = msgspec.field(default_factory=dict)
 
     @contextmanager
     def stage(self, name: str) -> Iterator[None]:
-        """Measures the block as stage ``name``."""
+        """Measure the block as stage ``name``."""
         start = time.perf_counter()
         yield
         self.seconds[name] = time.perf_counter() - start
@@ -28,13 +28,16 @@ class Timings(State):
 
 
 def keep_freed_memory() -> None:
-    """Makes glibc keep the memory of freed arrays for the next ones, in large pages.
+    """Make glibc keep the memory of freed arrays for later ones, in huge pages.
 
-    It hands a large block back to the system, and fetching the same pages again and again takes a
-    tenth of a run. It stops doing so for blocks up to the largest, of at most 32 MB, that it has
-    seen freed. The second block therefore lies where later arrays will, and there NumPy asks the
-    system for large pages, which takes another 3 %. Neither is touched, so they cost nothing;
-    with another C library, or where there are no large pages, nothing changes.
+    Notes
+    -----
+    By default glibc returns large freed blocks to the system, and mapping the same pages again and
+    again takes a tenth of a run. It raises its threshold to the size of the largest block that it
+    has seen freed, up to 32 MB, so freeing one large array is enough. A second array then lies in
+    the retained memory, for which NumPy requests huge pages; this saves another 3 % of a run.
+    Neither array is touched, so they cost nothing. With another C library, or without huge pages,
+    the call has no effect.
     """
     for _ in range(2):
         np.empty(31 * 2**20, dtype=np.uint8)

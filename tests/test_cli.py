@@ -225,7 +225,7 @@ def bad_pictures(folder: Path) -> dict[str, tuple[list[str], str]]:
     (folder / "text.png").write_text("no picture at all")
     (folder / "nothing").mkdir()
     return {
-        "none": ([], "no pictures given"),
+        "none": ([], "no images given"),
         "missing": ([good, str(folder / "no.png")], "no.png"),
         "empty": ([good, str(folder / "empty.png")], "empty.png"),
         "truncated": ([good, str(folder / "cut.png")], "cut.png"),
@@ -307,7 +307,7 @@ def test_a_document_of_another_stage(tracks_csv: str, call: Call) -> None:
     for command, said in (
         ("cluster", "run `mssegment hypothesize` on it first"),
         ("report", "run `mssegment hypothesize | mssegment cluster` on it first"),
-        ("match", "that `mssegment detect` wrote"),
+        ("match", "written by `mssegment detect`"),
     ):
         outcome = call(command, stdin=tracks)
         assert outcome.status == ExitStatus.DATA

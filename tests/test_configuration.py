@@ -100,22 +100,22 @@ def test_one_path_may_stand_for_a_list() -> None:
         ("clutser:\n  bandwidth: 1\n", ":1:1: unknown key clutser"),
         (
             "cluster:\n  bandwidth: -1\n",
-            ":2:3: cluster.bandwidth is -1, auto|NUMBER (more than 0) was expected",
+            ":2:3: cluster.bandwidth is -1; expected auto|NUMBER (more than 0)",
         ),
         ("cluster: {bandwidth: .nan}\n", "cluster.bandwidth is nan"),
         ("cluster: {bandwidth: .inf}\n", "cluster.bandwidth is inf"),
-        ("cluster: {kernel: round}\n", "gaussian|truncated|epanechnikov was expected"),
+        ("cluster: {kernel: round}\n", "expected gaussian|truncated|epanechnikov"),
         ("hypothesize: {model: afine}\n", "hypothesize.model is 'afine'"),
         ("hypothesize: {count: 0}\n", "hypothesize.count is 0"),
-        ("seed: x\n", ":1:1: seed is 'x', INTEGER (at least 0) was expected"),
-        ("seed: 1\nseed: 2\n", ":2:1: seed is there twice"),
-        ("cluster: 3\n", ":1:10: cluster: keys below it were expected"),
-        ("- a\n", ":1:1: keys"),
+        ("seed: x\n", ":1:1: seed is 'x'; expected INTEGER (at least 0)"),
+        ("seed: 1\nseed: 2\n", ":2:1: seed is set twice"),
+        ("cluster: 3\n", ":1:10: cluster: expected keys below it"),
+        ("- a\n", ":1:1: expected keys"),
         ("seed: [1\n", "not YAML"),
-        ("seed: !!python/object:os.system 1\n", "no plain YAML value"),
-        ("seed: 2001-13-45\n", "no plain YAML value"),
-        ("input: {start: 3, stop: 2}\n", "input.stop is 2, more than input.start (3)"),
-        ("segment: {motions: 1, min_motions: 2}\n", "less than segment.min_motions"),
+        ("seed: !!python/object:os.system 1\n", "not a plain YAML value"),
+        ("seed: 2001-13-45\n", "not a plain YAML value"),
+        ("input: {start: 3, stop: 2}\n", "input.stop is 2; expected more than input.start (3)"),
+        ("segment: {motions: 1, min_motions: 2}\n", "expected at least segment.min_motions"),
     ],
 )
 def test_what_is_wrong_in_a_file_is_said_in_one_line(tmp_path: Path, text: str, said: str) -> None:
@@ -178,7 +178,7 @@ def test_the_camera_comes_from_numbers_or_a_file(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("text", "said"),
     [
-        ("1,2,3", "fx,fy,cx,cy were expected"),
+        ("1,2,3", "found 3 numbers; expected fx,fy,cx,cy"),
         ("1,2,3,x", "camera.cy is 'x'"),
         ("-1,2,3,4", "camera.fx is -1"),
         ("none.yaml", "cannot be read"),
@@ -193,8 +193,8 @@ def test_a_camera_file_holds_a_camera_and_nothing_else(tmp_path: Path) -> None:
     for text, said in (
         ("fx: 1\n", "camera.fy is missing"),
         ("fx: 1\nzoom: 2\n", "unknown key camera.zoom"),
-        ("file: other.yaml\n", "holds fx, fy, cx, cy, distortion only"),
-        ("7\n", "were expected"),
+        ("file: other.yaml\n", "may hold only fx, fy, cx, cy and distortion"),
+        ("7\n", "expected fx, fy, cx, cy"),
     ):
         path = write(tmp_path, text)
         with pytest.raises(ConfigurationError, match=said):
@@ -207,3 +207,23 @@ def test_a_camera_file_holds_a_camera_and_nothing_else(tmp_path: Path) -> None:
 def test_a_number_with_an_exponent_is_a_number() -> None:
     # YAML 1.1 reads 1e-2 as text
     assert resolve(from_text(["cluster.bandwidth=1e-2"])).cluster.bandwidth == 0.01
+
+
+def test_the_descriptions_state_the_automatic_values_that_the_program_uses() -> None:
+    from mssegment.imaging import corners
+    from mssegment.imaging.matching import klt
+    from mssegment.sampling.strategy import LONG
+
+    for key, phrase in (
+        ("detect.levels", f"auto: {corners.LEVELS_TWO_VIEWS} or more for two views"),
+        (
+            "detect.max_corners",
+            f"auto: {corners.LIMIT_TWO_VIEWS} for two views, otherwise {corners.LIMIT_SEQUENCE}.",
+        ),
+        ("detect.quality", f"auto: {corners.QUALITY:.4f}."),
+        ("detect.min_distance", f"otherwise {corners.DISTANCE_SEQUENCE:g}."),
+        ("match.min_length", f"up to {corners.FEW_FRAMES} frames, otherwise {klt.SHORTEST}."),
+        ("cluster.method", f"factorization over {LONG} frames or more"),
+        ("hypothesize.rank", f"from {LONG} frames on"),
+    ):
+        assert phrase in KEYS[key].description

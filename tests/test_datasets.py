@@ -164,8 +164,8 @@ def test_sightings_as_csv_keep_the_gaps(tmp_path: Path) -> None:
         ("x1,y1,x2,y2\n1,2,3,nan\n", "line 2: nan"),
         ("x1,y1,x2,y2\n1,2,3,four\n", "'four' in column 'y2'"),
         ("x1,y1,x2,y2\n", "0 tracks"),
-        ("x1,x1,x2,y2\n1,2,3,4\n", "twice"),
-        ("track,frame,x,y\n1,1,2,3\n1,1,2,3\n", "two places"),
+        ("x1,x1,x2,y2\n1,2,3,4\n", "two columns have the same name"),
+        ("track,frame,x,y\n1,1,2,3\n1,1,2,3\n", "two positions"),
         ("track,frame,x,y\n1,1,2,3\n1,-2,2,3\n", "-2"),
         ("track,frame,x,y,label\n1,1,2,3,1\n1,2,2,3,2\n", "two labels"),
         ("x1,y1,x2,y2,label\n1,2,3,4,-1\n", "found -1"),
@@ -199,7 +199,7 @@ def test_masks_vote_frame_by_frame() -> None:
     points = np.stack([x, y], axis=-1)
     points[3, 0] = np.nan
     labels = datasets.labels_from_masks(points, masks)
-    # Agreed; disagreed; the ignored frame does not vote; only ignored; outside of both pictures.
+    # agreed; disagreed; the ignored frame does not vote; only ignored; outside of both pictures.
     assert labels.tolist() == [2, 0, 2, IGNORED, IGNORED]
 
 

@@ -6,7 +6,7 @@ from itertools import permutations
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mssegment.evaluation import evaluate, misclassification, residual_errors
@@ -15,6 +15,10 @@ from mssegment.records import BACKGROUND, IGNORED, NOT_JUDGED
 labelled = st.lists(
     st.tuples(st.integers(-2, 3), st.sampled_from([IGNORED, 0, 1, 2, 3])), min_size=1, max_size=40
 )
+
+
+SLOW_IMPORT = settings(deadline=None)
+"""The first example imports scipy.optimize, which may take longer than the usual deadline."""
 
 
 def arrays(pairs: list[tuple[int, int]]) -> tuple[np.ndarray, np.ndarray]:
@@ -37,12 +41,14 @@ def by_brute_force(found: np.ndarray, truth: np.ndarray) -> float:
     return 1 - best / len(counted)
 
 
+@SLOW_IMPORT
 @given(labelled)
 def test_misclassification_is_the_best_one_to_one_matching(pairs: list[tuple[int, int]]) -> None:
     found, truth = arrays(pairs)
     assert misclassification(found, truth) == pytest.approx(by_brute_force(found, truth))
 
 
+@SLOW_IMPORT
 @given(labelled, st.permutations([1, 2, 3]), st.randoms())
 def test_names_of_motions_and_order_of_tracks_do_not_matter(
     pairs: list[tuple[int, int]], names: list[int], random: object
@@ -55,6 +61,7 @@ def test_names_of_motions_and_order_of_tracks_do_not_matter(
     )
 
 
+@SLOW_IMPORT
 @given(labelled)
 def test_the_confusion_matrix_counts_every_counted_track_once(
     pairs: list[tuple[int, int]],
@@ -83,7 +90,7 @@ def test_the_rules_for_background_and_ignored() -> None:
 
 
 def test_lengths_must_agree() -> None:
-    with pytest.raises(ValueError, match="2 found labels, but 1 true"):
+    with pytest.raises(ValueError, match="2 found labels, but 1 true labels"):
         evaluate(np.array([1, 2]), np.array([1]))
 
 

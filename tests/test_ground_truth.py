@@ -68,12 +68,12 @@ def test_labels_that_cannot_be_right(tmp_path: Path) -> None:
     (tmp_path / "far.csv").write_text("x,y,label\n500,500,1\n")
     far = str(tmp_path / "far.csv")
     for paths, said in (
-        ([small], "the mask is 40x10, the frames are 40x30"),
+        ([small], "the mask is 40x10; expected 40x30"),
         ([coloured], "a coloured mask"),
         (other, r"mask-9\.png: no frame has this number"),
         ([blind], "match no track"),
         ([far], "none lies within 1 px"),
-        ([far, blind], "give one kind"),
+        ([far, blind], "expected either one CSV of labels or mask images"),
         (["none.png"], "none.png"),
     ):
         with pytest.raises(DataError, match=said) as caught:

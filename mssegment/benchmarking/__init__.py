@@ -1,7 +1,7 @@
-"""Benchmarks on published data sets: every sequence through the pipeline, judged afterwards.
+"""Benchmarks on published data sets: run the pipeline on every sequence and evaluate the result.
 
-Misclassification is that of ``evaluation``: 1 - right / counted. The true labels are taken off the
-tracks before the pipeline sees them, and the order of the tracks is drawn anew for every seed.
+The error is the misclassification defined in ``evaluation``. The true labels are removed before the
+pipeline sees the tracks, and the tracks are shuffled with each seed.
 """
 
 from __future__ import annotations
@@ -46,13 +46,27 @@ __all__ = [
 Motions = Literal["auto", "given"]
 
 SMALLEST_SINGLE_GROUP = 13
-"""Tracks of a true group below which it is no sequence of its own."""
+"""Minimum number of tracks of a true group that is run as a sequence of its own."""
 _SUBSET = re.compile(r"_g\d\d$")
 _THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
 
 
 class SequenceResult(Record, frozen=True):
-    """One sequence under one seed: ``error`` is a fraction, ``seconds`` those of the pipeline."""
+    """The result of one sequence with one seed.
+
+    Attributes
+    ----------
+    name, group : str
+        The sequence and the part of the data set it belongs to.
+    error : float
+        The misclassification, 0 to 1.
+    motions_true, motions_found : int
+        The true and the found number of motions.
+    seconds : float
+        Wall-clock time of the pipeline, without reading the file.
+    seed : int
+        The seed.
+    """
 
     name: str
     group: str
@@ -64,7 +78,21 @@ class SequenceResult(Record, frozen=True):
 
 
 class GroupSummary(Record, frozen=True):
-    """Over the results of a group: ``mean`` over all, ``median`` over the sequences' means."""
+    """Statistics over the results of a group of sequences.
+
+    Attributes
+    ----------
+    sequences : int
+        The number of sequences.
+    mean : float
+        The mean error over all results, 0 to 1.
+    median : float
+        The median over the sequences of their mean error.
+    count_right : float
+        The fraction of results with the true number of motions.
+    seconds : float
+        The mean time of a result.
+    """
 
     sequences: int
     mean: float
@@ -74,7 +102,7 @@ class GroupSummary(Record, frozen=True):
 
 
 class Options(Record, frozen=True):
-    """How to run: what ``run_benchmark`` is told, the same for every sequence."""
+    """The options of a benchmark, the same for every sequence; see ``run_benchmark``."""
 
     benchmark: str
     motions: Motions
@@ -83,11 +111,11 @@ class Options(Record, frozen=True):
     min_motions: int
     from_pixels: bool
     others: tuple[Path, ...]
-    """Files whose tracks serve as foreign outliers."""
+    """Files whose tracks are used as outliers in other sequences."""
 
 
 class Case(Record, frozen=True):
-    """One sequence to run: a file, or one true group of it alone."""
+    """One sequence to run: a file, or a single true group of it."""
 
     path: Path
     single_group: int | None = None
@@ -106,22 +134,53 @@ def run_benchmark(
     single_groups: bool = False,
     from_pixels: bool = False,
 ) -> Iterator[SequenceResult]:
-    """Results one by one, sequence after sequence, each with the seeds 0 .. ``seeds`` - 1.
+    """Run the pipeline on every sequence of a data set.
 
-    ``motions`` "given" tells the pipeline the true number of motions. ``outliers`` adds that share
-    of outlier tracks: over many frames half from another sequence and half shuffled in time, in
-    image pairs uniform mismatches. ``single_groups`` runs each true group alone, as a sequence
-    with one motion. ``from_pixels`` detects and matches in the pictures that come with the tracks,
-    and labels the published tracks by the motions found. ``jobs`` processes work at a time; the
-    results do not depend on it.
+    Parameters
+    ----------
+    dataset : str
+        A key of ``BENCHMARKS``.
+    folder : Path or str
+        The folder with the files of the data set as published.
+    motions : {"auto", "given"}
+        Whether the pipeline estimates the number of motions or is given the true one.
+    seeds : int
+        Number of runs per sequence, with the seeds 0 .. ``seeds`` - 1.
+    jobs : int
+        Number of parallel processes; the results do not depend on it.
+    settings : sequence of Setting
+        Settings that override those of the benchmark.
+    outliers : float
+        Number of outlier tracks to add, as a fraction of the number of tracks, 0 to 10. In image
+        pairs they are uniform mismatches; in longer sequences one half are tracks of other
+        sequences and the other half are tracks shuffled in time.
+    min_motions : int
+        Minimum number of motions.
+    single_groups : bool
+        Run each true group alone, as a sequence with one motion.
+    from_pixels : bool
+        Detect and match in the images that come with the tracks, and label the published tracks by
+        the motions found.
 
-    Raises UsageError for an unknown data set or senseless numbers, DataError for a folder without
-    the files of the data set or a broken file.
+    Returns
+    -------
+    iterator of SequenceResult
+        One per sequence and seed, in order, each as soon as it is computed.
+
+    Raises
+    ------
+    UsageError
+        If the data set is unknown or a number is out of range.
+    DataError
+        If the folder has no files of the data set, or a file is damaged.
     """
     if dataset not in BENCHMARKS:
-        raise UsageError(f"benchmark {dataset!r} is unknown; choose {', '.join(BENCHMARKS)}")
+        raise UsageError(f"unknown benchmark {dataset!r}; expected one of {', '.join(BENCHMARKS)}")
     if seeds < 1 or jobs < 1 or min_motions < 0 or not 0 <= outliers <= 10:
-        raise UsageError("seeds and jobs are at least 1, min_motions 0, outliers between 0 and 10")
+        raise UsageError(
+            f"found seeds {seeds}, jobs {jobs}, min_motions {min_motions}, outliers {outliers:g}; "
+            "expected seeds and jobs at least 1, min_motions at least 0, outliers from 0 to 10"
+        )
     files = DATASETS[dataset].files(Path(folder))
     cases = _single_groups(dataset, files) if single_groups else [Case(path) for path in files]
     options = Options(
@@ -140,13 +199,23 @@ def run_benchmark(
 def number_of_results(
     dataset: str, folder: Path | str, seeds: int = 3, single_groups: bool = False
 ) -> int:
-    """How many results ``run_benchmark`` will give, for a progress bar."""
+    """The number of results that ``run_benchmark`` yields, for a progress bar."""
     files = DATASETS[dataset].files(Path(folder))
     return seeds * (len(_single_groups(dataset, files)) if single_groups else len(files))
 
 
 def summarise(results: Iterable[SequenceResult]) -> dict[str, GroupSummary]:
-    """Group name -> summary, in alphabetical order, the group ``all`` last."""
+    """Summarize results by group.
+
+    Parameters
+    ----------
+    results : iterable of SequenceResult
+
+    Returns
+    -------
+    dict of str to GroupSummary
+        The groups in alphabetical order, then ``all``; empty without results.
+    """
     everything = list(results)
     names = sorted({result.group for result in everything})
     groups = {name: [r for r in everything if r.group == name] for name in names}
@@ -156,8 +225,29 @@ def summarise(results: Iterable[SequenceResult]) -> dict[str, GroupSummary]:
 
 
 def run_case(case: Case, seed: int, options: Options) -> SequenceResult:
-    """One sequence under one seed."""
-    # the pipeline loads every room: workers and help texts should not wait for that
+    """Run one sequence with one seed.
+
+    Parameters
+    ----------
+    case : Case
+        The sequence.
+    seed : int
+        Seed of the pipeline, of the order of the tracks, and of added outliers.
+    options : Options
+        The options of the benchmark.
+
+    Returns
+    -------
+    SequenceResult
+
+    Raises
+    ------
+    DataError
+        If the file is damaged, or has too few tracks for the motion model.
+    UsageError
+        If images are needed and the file has none.
+    """
+    # imported late, because the pipeline imports every package
     from mssegment.documents import TracksDocument
     from mssegment.pipeline import cluster, hypothesize
 
@@ -194,13 +284,13 @@ def run_case(case: Case, seed: int, options: Options) -> SequenceResult:
 def _labels_from_pixels(
     entry: ImportedTracks, configuration: Configuration, points: Floats
 ) -> Integers:
-    """Labels of the published tracks ``points`` under the motions found in the pictures."""
+    """Labels [P] of the published tracks ``points`` by the motions found in the images."""
     from mssegment.imaging.frames import frames_in_memory
     from mssegment.pipeline import run
     from mssegment.segmentation.assignment import assign
 
     if not entry.pictures:
-        raise UsageError(f"{entry.name}: --from-pixels needs pictures, and its file has none")
+        raise UsageError(f"{entry.name}: its file has no images, which --from-pixels needs")
     source = frames_in_memory(entry.frames, [picture[..., ::-1] for picture in entry.pictures])
     found = run(configuration, source=source).segmentation
     return assign(points, found.sets, found.segmentation)
@@ -209,7 +299,26 @@ def _labels_from_pixels(
 def add_outliers(
     points: Floats, labels: Integers, options: Options, case: Case, rng: np.random.Generator
 ) -> tuple[Floats, Integers]:
-    """The tracks with ``options.outliers`` x as many outlier tracks behind them, label 0."""
+    """Append ``options.outliers`` times as many outlier tracks, with label 0.
+
+    Parameters
+    ----------
+    points : ndarray [P, F, 2] of float64
+        The tracks in pixels.
+    labels : ndarray [P] of int64
+        Their true labels.
+    options : Options
+        The options of the benchmark.
+    case : Case
+        The sequence; tracks of other scenes are used as outliers.
+    rng : numpy.random.Generator
+        Source of random numbers.
+
+    Returns
+    -------
+    points : ndarray [P + n, F, 2] of float64
+    labels : ndarray [P + n] of int64
+    """
     count = round(options.outliers * len(points))
     if not count:
         return points, labels
@@ -230,7 +339,7 @@ def add_outliers(
 def _foreign_tracks(
     points: Floats, count: int, options: Options, case: Case, rng: np.random.Generator
 ) -> Floats:
-    """Complete tracks of other sequences (not of the same scene), over as many frames."""
+    """Complete tracks of other scenes, resampled to the same number of frames."""
     own = _scene(case.path)
     others = [path for path in options.others if _scene(path) != own]
     if not others:
@@ -247,7 +356,7 @@ def _foreign_tracks(
 
 
 def _single_groups(dataset: str, files: Sequence[Path]) -> list[Case]:
-    """Each true group alone; subsets of a sequence that is there itself only repeat its groups."""
+    """Each true group alone; sequences that are subsets of another one would repeat its groups."""
     scenes = {path.stem for path in files}
     cases = []
     for path in files:
@@ -286,7 +395,7 @@ def _scene(path: Path) -> str:
 def _configuration(
     entry: ImportedTracks, options: Options, true_motions: int, seed: int
 ) -> Configuration:
-    """Defaults of the benchmark, of the group, then what the user set."""
+    """The settings of the benchmark, overridden by those of the group, then by the user's."""
     benchmark = BENCHMARKS[options.benchmark]
     values: dict[str, object] = {"seed": seed, **benchmark.settings}
     values |= benchmark.by_group.get(entry.group, {})
@@ -317,7 +426,7 @@ def _in_turn(work: Sequence[tuple[Case, int, Options]]) -> Iterator[SequenceResu
 
 
 def _in_processes(work: Sequence[tuple[Case, int, Options]], jobs: int) -> Iterator[SequenceResult]:
-    """As ``_in_turn``; the processes are fresh ones, so that one BLAS thread each takes effect."""
+    """As ``_in_turn``, in spawned processes, so that the limit of one BLAS thread takes effect."""
     before = {name: os.environ.get(name) for name in _THREADS}
     os.environ.update(dict.fromkeys(_THREADS, "1"))
     pool = ProcessPoolExecutor(jobs, mp_context=multiprocessing.get_context("spawn"))

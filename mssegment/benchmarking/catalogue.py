@@ -1,4 +1,4 @@
-"""The data sets that ``mssegment benchmark`` knows: settings, and what others published."""
+"""The data sets of ``mssegment benchmark``: their settings and published results."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from mssegment.records import Record
 
 
 class Published(Record, frozen=True):
-    """A figure of the literature: mean misclassification in per cent on ``group``."""
+    """A published result: the mean misclassification in percent on ``group``, as text."""
 
     method: str
     group: str
@@ -15,7 +15,7 @@ class Published(Record, frozen=True):
 
 
 class Benchmark(Record, frozen=True):
-    """How a data set is run: settings for all, settings by group, and what others published."""
+    """How a data set is run: common settings, settings by group, and published results."""
 
     dataset: str
     settings: dict[str, object]
@@ -28,7 +28,7 @@ BENCHMARKS: dict[str, Benchmark] = {
     for entry in (
         Benchmark(
             "hopkins155",
-            # a background is one of the motions to be found
+            # in this data set the background is one of the motions
             {"hypothesize.model": "factorization", "background.remove": False},
             {},
             (
@@ -88,4 +88,4 @@ BENCHMARKS: dict[str, Benchmark] = {
         ),
     )
 }
-"""The data sets that ``mssegment benchmark`` knows."""
+"""The data sets of ``mssegment benchmark``, by name."""

@@ -1,6 +1,6 @@
-"""The command line: one file per subcommand, loaded only when it is asked for.
+"""The command line: one module per subcommand, imported only when that command runs.
 
-``main`` is the only place where errors become one line on stderr and an exit status.
+``main`` is the only place where errors are converted to one line on stderr and an exit status.
 """
 
 from __future__ import annotations
@@ -17,23 +17,23 @@ import click
 from mssegment.errors import ExitStatus, MssegmentError
 from mssegment.version import __version__
 
-# the products are small: with two BLAS threads they run several times slower, and the last bits of
-# the results would depend on their number; numpy reads this when it is imported
+# The matrix products are small: two BLAS threads make them several times slower, and the last bits
+# of the results would depend on the number of threads. Read when numpy is imported.
 for _name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ.setdefault(_name, "1")
 
 COMMANDS: dict[str, str] = {
-    "run": "All stages: pictures or a configuration in, a folder of results out.",
-    "detect": "Harris corners of pictures or a video.",
-    "match": "Corners become tracks.",
-    "hypothesize": "Tracks become motion hypotheses, points on a manifold.",
-    "cluster": "Mean shift over the hypotheses: modes, motions, one label per track.",
-    "report": "Tables, pictures, and the comparison with manual labels.",
-    "compare": "Several segmentations side by side.",
-    "import": "Tracks from a CSV or a published data set.",
-    "label": "Manual labels: draw polygons over the frames in a local page.",
-    "benchmark": "Run a published data set and compare with its labels.",
-    "init": "A commented config.yaml to start from.",
+    "run": "Run all stages and write the results to a folder.",
+    "detect": "Detect Harris corners in images or a video.",
+    "match": "Match corners between two views, or track them through a sequence.",
+    "hypothesize": "Generate motion hypotheses from the tracks.",
+    "cluster": "Find the modes of the hypotheses and select the motions.",
+    "report": "Show the results and compare them with ground-truth labels.",
+    "compare": "Compare several segmentations.",
+    "import": "Import tracks from a CSV or a file of a public data set.",
+    "label": "Draw ground-truth labels in a local web page.",
+    "benchmark": "Evaluate the segmentation on a public data set.",
+    "init": "Write a commented configuration file.",
 }
 """Every command with its one-line help; its module is ``cli/<name>.py`` (``import_tracks.py``)."""
 
@@ -41,14 +41,14 @@ _MODULES = {"import": "import_tracks"}
 
 
 class LazyGroup(click.Group):
-    """A group that imports a command's module only when that command runs."""
+    """A click group that imports the module of a command only when that command runs."""
 
     def list_commands(self, ctx: click.Context) -> list[str]:
-        """The names in the order in which they are used."""
+        """The names of the commands, in the usual order of use."""
         return list(COMMANDS)
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
-        """The command, imported now."""
+        """Import the command; None if there is no such command."""
         if cmd_name not in COMMANDS:
             return None
         module = importlib.import_module(f"mssegment.cli.{_MODULES.get(cmd_name, cmd_name)}")
@@ -56,25 +56,25 @@ class LazyGroup(click.Group):
         return command
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
-        """The list of commands, from ``COMMANDS``, so that help imports none of them."""
+        """Write the list of commands from ``COMMANDS``, without importing them."""
         with formatter.section("Commands"):
             formatter.write_dl(list(COMMANDS.items()))
 
     def resolve_command(
         self, ctx: click.Context, args: list[str]
     ) -> tuple[str | None, click.Command | None, list[str]]:
-        """As click's, with the nearest name for a misspelt one."""
+        """As in click, but suggest the nearest command for an unknown one."""
         name = args[0]
         if name not in COMMANDS and not name.startswith("-"):
             import difflib
 
             near = difflib.get_close_matches(name, COMMANDS, n=1)
-            hint = f"did you mean {near[0]}?" if near else "`mssegment --help` lists them."
+            hint = f"did you mean {near[0]}?" if near else "`mssegment --help` lists all commands."
             ctx.fail(f"No such command {name!r}; {hint}")
         return super().resolve_command(ctx, args)
 
     def invoke(self, ctx: click.Context) -> object:
-        """As click's, but a closed pipe is ours to handle (click would exit with status 1)."""
+        """As in click, but pass on a closed pipe, for which click would exit with status 1."""
         try:
             return super().invoke(ctx)
         except BrokenPipeError:
@@ -82,48 +82,60 @@ class LazyGroup(click.Group):
 
 
 class _ClosedPipe(Exception):
-    """Whoever read our standard output has gone."""
+    """The reader of standard output has closed the pipe."""
 
 
 @click.group(
     cls=LazyGroup,
     context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100},
-    epilog="Two pictures in, a picture out:  mssegment run 1.png 2.png --model affine --out out",
+    epilog="Example:  mssegment run 1.png 2.png --out out",
 )
 @click.version_option(__version__, prog_name="mssegment")
 def cli() -> None:
-    """Find the independently moving things in an image pair or an image sequence.
+    """Find the independently moving objects in an image pair or image sequence.
 
-    The stages are detect, match, hypothesize, cluster, report; `run` chains them, and so does a
-    shell pipe. Data goes to standard output, everything else to standard error.
+    The stages are detect, match, hypothesize, cluster and report. `run` executes all of them; they
+    can also be run one by one, connected by pipes. Results go to standard output, progress and
+    messages to standard error.
     """
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """The program: runs the command and exits with its status."""
+    """Run the command line and exit with its status; by default with ``sys.argv``."""
     arguments = list(sys.argv[1:] if arguments is None else arguments)
     status = invoke(arguments)
-    gc.freeze()  # what is left is not searched for cycles before it all goes
+    gc.freeze()  # skips the garbage collection at exit
     sys.exit(status)
 
 
 def invoke(arguments: list[str]) -> int:
-    """Runs one command line and returns its exit status; errors are one line on stderr."""
+    """Run one command line and return its exit status; an error prints one line on stderr.
+
+    Parameters
+    ----------
+    arguments : list of str
+        The arguments after the name of the program.
+
+    Returns
+    -------
+    int
+        A value of ``ExitStatus``.
+    """
     debug = "--debug" in arguments
     if not debug:
-        # an error is one line; numpy's warnings would stand between it and the user
+        # an error is a single line, without numpy's warnings before it
         warnings.simplefilter("ignore", RuntimeWarning)
     try:
         status = cli.main(args=arguments, prog_name="mssegment", standalone_mode=False)
         sys.stdout.flush()
     except (_ClosedPipe, BrokenPipeError):
-        # the interpreter flushes stdout once more at exit; let that go nowhere
+        # the interpreter flushes stdout again at exit, which must not fail
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return ExitStatus.CLOSED_PIPE
     except (KeyboardInterrupt, click.Abort):
         return _fail("interrupted", ExitStatus.INTERRUPTED)
     except click.exceptions.NoArgsIsHelpError as error:
-        error.show()  # the whole help, as click prints it
+        error.show()  # prints the help
         return ExitStatus.USAGE
     except click.ClickException as error:
         return _fail(_click_message(error), ExitStatus.USAGE)
@@ -135,7 +147,7 @@ def invoke(arguments: list[str]) -> int:
         if debug:
             _print_traceback()
             return ExitStatus.UNFORESEEN
-        text = f"unforeseen {type(error).__name__}: {error}; this is a bug, --debug shows where"
+        text = f"unexpected {type(error).__name__}: {error}; this is a bug, use --debug for details"
         return _fail(text, ExitStatus.UNFORESEEN)
     return status if isinstance(status, int) else ExitStatus.DONE
 
@@ -148,7 +160,7 @@ def _fail(message: str, status: ExitStatus) -> int:
 def _click_message(error: click.ClickException) -> str:
     message = error.format_message()
     if isinstance(error, click.NoSuchOption):
-        message = f"{message.rstrip('.')}; a file of that name goes after --"
+        message = f"{message.rstrip('.')}; put file names that start with - after --"
     context = getattr(error, "ctx", None)
     return f"{message} (see `{context.command_path} --help`)" if context else message
 

@@ -28,19 +28,19 @@ DATA_SETS = ("adelaidermf", "hopkins155", "kt3dmoseg")
     type=click.Choice(["auto", "given"]),
     default="auto",
     show_default=True,
-    help="Whether the number of motions is to be found, or given.",
+    help="auto: estimate the number of motions; given: use the true number.",
 )
 @click.option(
     "--min-motions",
     type=click.IntRange(min=0),
     default=0,
     show_default=True,
-    help="At least so many motions, where their number is to be found.",
+    help="Minimum number of motions.",
 )
 @click.option(
     "--from-pixels",
     is_flag=True,
-    help="Detect and match in the pictures; each labelled match is judged by the motions found.",
+    help="Detect and match in the images, and label the published matches by the motions found.",
 )
 @click.option(
     "--outliers",
@@ -48,24 +48,28 @@ DATA_SETS = ("adelaidermf", "hopkins155", "kt3dmoseg")
     default=0.0,
     show_default=True,
     metavar="FRACTION",
-    help="Add so many outlier tracks, as a share of the tracks.",
+    help="Number of outlier tracks to add, as a fraction of the number of tracks.",
 )
-@click.option("--single-groups", is_flag=True, help="Each true group alone, with one motion.")
+@click.option(
+    "--single-groups", is_flag=True, help="Run each true group alone, as a scene with one motion."
+)
 @click.option(
     "--seeds",
     type=click.IntRange(min=1),
     default=3,
     show_default=True,
-    help="Runs of each sequence, with the seeds 0, 1, ...",
+    help="Number of runs per sequence, with the seeds 0, 1, ...",
 )
 @click.option(
     "--jobs",
     type=click.IntRange(min=1),
     default=1,
     show_default=True,
-    help="Processes at a time; the results do not depend on them.",
+    help="Number of parallel processes; the results do not depend on it.",
 )
-@click.option("--set", "assignments", multiple=True, metavar="KEY=VALUE", help="Set any key.")
+@click.option(
+    "--set", "assignments", multiple=True, metavar="KEY=VALUE", help="Set any key; repeatable."
+)
 @console_options
 def command(
     dataset: str,
@@ -80,12 +84,12 @@ def command(
     assignments: tuple[str, ...],
     console: Console,
 ) -> None:
-    """Run a published data set and compare with its labels.
+    """Segment every sequence of a public data set and compare the result with its labels.
 
-    FOLDER holds the files as they were published. Misclassification is 1 - right / counted: right
-    are the tracks on the best one-to-one matching of found to true motions, plus true outliers
-    found as outliers. The labels are taken off before the tracks are segmented, and their order is
-    drawn anew for each seed.
+    FOLDER holds the files of the data set as published. The error is the misclassification, 1 -
+    correct / counted: a track is correct if its motion is matched to its true motion by the best
+    one-to-one matching, or if it is a true outlier labelled as an outlier. The labels are removed
+    before the segmentation, and the tracks are shuffled with each seed.
     """
     from mssegment import benchmarking
 
@@ -104,11 +108,11 @@ def command(
     )
     total = benchmarking.number_of_results(dataset, folder, seeds, single_groups)
     try:
-        # one by one, so that an interruption leaves what is done
+        # one by one, so that an interruption keeps the results so far
         results.extend(_watched(running, total, console))
     except KeyboardInterrupt:
         _write(dataset, results, console)
-        console.note(f"interrupted: {len(results)} of {total} results are above")
+        console.note(f"interrupted after {len(results)} of {total} results")
         raise
     _write(dataset, results, console)
 

@@ -1,4 +1,4 @@
-"""The outcome of ``mssegment benchmark`` as text and as JSON."""
+"""The results of ``mssegment benchmark`` as text and as JSON."""
 
 from __future__ import annotations
 
@@ -12,7 +12,10 @@ from mssegment.rendering.tables import Table, format_table
 
 
 def benchmark_json(dataset: str, results: Sequence[SequenceResult]) -> str:
-    """``sequences``, one entry per sequence and seed, and ``groups``, with ``all``."""
+    """The results as JSON.
+
+    ``sequences`` has one entry per sequence and seed, ``groups`` one per group and ``all``.
+    """
     groups = {name: asdict(group) for name, group in summarise(results).items()}
     sequences = [asdict(result) for result in results]
     content = {"dataset": dataset, "sequences": sequences, "groups": groups}
@@ -20,7 +23,7 @@ def benchmark_json(dataset: str, results: Sequence[SequenceResult]) -> str:
 
 
 def benchmark_text(dataset: str, results: Sequence[SequenceResult]) -> str:
-    """Per sequence (mean over the seeds), per group, and what others published."""
+    """Tables per sequence (mean over the seeds), per group, and of published results."""
     parts = [
         format_table(table, "text")
         for table in (_sequences(results), _groups(results), _published(dataset))
@@ -39,7 +42,7 @@ def _sequences(results: Sequence[SequenceResult]) -> Table:
         seconds = sum(result.seconds for result in own) / len(own)
         true = str(own[0].motions_true)
         rows.append((name, own[0].group, true, found, f"{error:.2%}", f"{seconds:.2f}"))
-    header = ("sequence", "group", "motions", "found", "error", "seconds")
+    header = ("sequence", "group", "true motions", "found motions", "error", "seconds")
     return Table("Sequences", header, tuple(rows))
 
 
@@ -55,7 +58,7 @@ def _groups(results: Sequence[SequenceResult]) -> Table:
         )
         for name, group in summarise(results).items()
     )
-    header = ("group", "sequences", "mean", "median", "count right", "seconds")
+    header = ("group", "sequences", "mean error", "median error", "correct count", "seconds")
     return Table("Groups", header, rows)
 
 
@@ -64,4 +67,4 @@ def _published(dataset: str) -> Table:
         (entry.method, entry.group, f"{entry.mean} %", entry.source)
         for entry in BENCHMARKS[dataset].published
     )
-    return Table("Published", ("published", "group", "mean", "source"), rows)
+    return Table("Published results", ("published method", "group", "mean error", "source"), rows)

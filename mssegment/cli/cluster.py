@@ -41,19 +41,20 @@ KEYS = (
     type=click.IntRange(min=1),
     default=1,
     show_default=True,
-    help="Threads; the result does not depend on them.",
+    help="Number of threads; the result does not depend on it.",
 )
 @output_option
 @console_options
 def command(
     document: str, settings: list[Setting], threads: int, output: str | None, console: Console
 ) -> None:
-    """Find the modes of the hypotheses by mean shift and turn the right ones into motions.
+    """Find the modes of the hypotheses by mean shift and select the motions.
 
-    Reads a hypotheses document, writes a segmentation document: every mode with its hypotheses and
-    kernel density, every motion with its parameters and inliers, and one label per track.
+    Reads a hypotheses document and writes a segmentation document: each mode with its number of
+    hypotheses and its kernel density, each motion with its parameters and inliers, and one label
+    per track.
     """
-    resolve(settings)  # a wrong option is said before anything is read
+    resolve(settings)  # reports an invalid option before anything is read
     hypotheses = read_argument(document, HypothesesDocument)
     start = time.perf_counter()
     from mssegment import pipeline

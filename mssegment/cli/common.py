@@ -1,4 +1,4 @@
-"""What the commands share: options made from settings, documents in and out, words to stderr."""
+"""What the commands share: options for settings, reading and writing documents, messages."""
 
 from __future__ import annotations
 
@@ -28,14 +28,14 @@ from mssegment.records import Record
 Command = TypeVar("Command", bound=Callable[..., Any])
 
 FORMATS = ("text", "json", "csv", "markdown", "latex")
-"""Formats of tables, here so that ``--help`` need not load the tables themselves."""
+"""Formats of tables, repeated here so that ``--help`` need not import the tables."""
 
 _FLAGS = {
     "background.remove": "--remove-background",
     "camera.file": "--camera",
     "report.labels": "--labels",
 }
-"""Flags that are not simply the last word of the key."""
+"""Flags that differ from the last part of the key."""
 
 _SEVERAL = ("report.labels",)
 _CAMERA = "camera.file"
@@ -47,7 +47,11 @@ def flag_of(key: str) -> str:
 
 
 def settings_options(*keys: str) -> Callable[[Command], Command]:
-    """Adds an option for each key; the command gets ``settings``: environment, then options."""
+    """A decorator that adds an option for each key.
+
+    The command gets the argument ``settings``, a list of Setting: those of the environment, then
+    those of the options, which override them.
+    """
     names = {key.replace(".", "__"): key for key in keys}
 
     def decorate(command: Command) -> Command:
@@ -77,64 +81,73 @@ def _from_options(options: dict[str, Any]) -> list[Setting]:
 
 def _option(name: str, key: str) -> Callable[[Any], Any]:
     setting = KEYS[key]
-    default = "yes" if setting.default is True else setting.default
+    default = setting.default
+    if isinstance(default, bool):
+        default = "yes" if default else "no"
     shown = "" if default in (None, []) else f"  [default: {default}]"
     if key == _CAMERA:
-        text = "The calibrated camera in pixels: fx,fy,cx,cy or a YAML/JSON file with these keys."
+        text = "Calibrated camera: fx,fy,cx,cy in pixels, or a YAML or JSON file with these keys."
         return click.option(flag_of(key), name, metavar="CAMERA", help=text)
     if isinstance(setting.default, bool):
         flag = flag_of(key)
         return click.option(
             f"{flag}/--no-{flag[2:]}", name, default=None, help=f"{setting.description}{shown}"
         )
+    repeatable = " Repeatable." if key in _SEVERAL else ""
     return click.option(
         flag_of(key),
         name,
         metavar=setting.choices.removesuffix("|none").removesuffix("..."),
         multiple=key in _SEVERAL,
         default=None,
-        help=f"{setting.description}{shown}",
+        help=f"{setting.description}{repeatable}{shown}",
     )
 
 
 class Console(Record, frozen=True):
-    """What a command says on standard error, and how it hands over its document."""
+    """The messages of a command on standard error, and the output of its document."""
 
     quiet: bool = False
     verbose: bool = False
     json: bool = False
 
     def stage(self, name: str, sentence: str, seconds: float) -> None:
-        """One line for a stage that is done."""
+        """Print one line for a completed stage: name, result and time."""
         if not self.quiet:
             print(f"{name:<12} {sentence:<44} {seconds:6.2f} s", file=sys.stderr)
 
     def note(self, text: str) -> None:
-        """A sentence for the user."""
+        """Print a note below the line of a stage."""
         if not self.quiet:
             print(f"{'':<12} {text}", file=sys.stderr)
 
     @contextmanager
     def working(self, text: str) -> Iterator[Callable[[str], None]]:
-        """A spinner with elapsed time on a terminal; yields a function that changes its text."""
+        """Show a spinner with the elapsed time, on a terminal.
+
+        Yields a function that changes the text beside it.
+        """
         if self.quiet or not sys.stderr.isatty() or "NO_COLOR" in os.environ:
             yield lambda text: None
             return
-        from rich.console import Console
+        from rich.console import Console as RichConsole
         from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
         columns = (SpinnerColumn(), TextColumn("{task.description}"), TimeElapsedColumn())
-        with Progress(*columns, console=Console(stderr=True), transient=True) as progress:
+        with Progress(*columns, console=RichConsole(stderr=True), transient=True) as progress:
             task = progress.add_task(text, total=None)
             yield lambda text: progress.update(task, description=text)
 
     @contextmanager
     def progress(self, text: str, total: int) -> Iterator[Callable[[str], None]]:
-        """A bar with count, rate and time left on a terminal; call the function per item."""
+        """Show a progress bar with count and remaining time, on a terminal.
+
+        Yields a function to call with the name of each item that is done.
+        """
         if self.quiet or not sys.stderr.isatty() or "NO_COLOR" in os.environ:
             yield lambda name: None
             return
-        from rich.console import Console
+        from rich.console import Console as RichConsole
         from rich.progress import (
             BarColumn,
             MofNCompleteColumn,
@@ -151,7 +164,7 @@ class Console(Record, frozen=True):
             TimeElapsedColumn(),
             TimeRemainingColumn(),
         )
-        with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+        with Progress(*columns, console=RichConsole(stderr=True), transient=True) as bar:
             task = bar.add_task(text, total=total)
             yield lambda name: bar.update(task, advance=1, description=name)
 
@@ -162,21 +175,30 @@ class Console(Record, frozen=True):
         start: float,
         name: str | None = None,
     ) -> None:
-        """Writes the document to ``output`` or standard output; ``name`` is the stage's.
+        """Write a document and print the line of its stage.
 
-        A terminal is no place for a document: there the sentence on stderr is all, unless
-        ``--json`` or ``-o -`` asks for it.
+        Parameters
+        ----------
+        document : Document
+            The document.
+        output : str or None
+            The file to write, ``-`` for standard output. None writes to standard output too, but
+            not to a terminal, unless ``--json`` is set.
+        start : float
+            ``time.perf_counter()`` at the start of the stage.
+        name : str, optional
+            The name of the stage, by default the command that writes such documents.
         """
         seconds, sentence = time.perf_counter() - start, describe(document)
         if output is not None or self.json or not sys.stdout.isatty():
             write_document(output or STANDARD, document)
         else:
-            sentence += "; -o FILE keeps them, a pipe passes them on"
+            sentence += "; use -o FILE or a pipe to keep them"
         self.stage(name or document.made_by, sentence, seconds)
         self.details(document)
 
     def details(self, document: Document) -> None:
-        """What the stage that wrote the document has to say; ``--verbose``: with its settings."""
+        """Print the notes of the last stage of a document, and its settings if ``--verbose``."""
         if not document.history:
             return
         for note in document.history[-1].notes:
@@ -187,7 +209,7 @@ class Console(Record, frozen=True):
 
 
 def console_options(command: Command) -> Command:
-    """Adds --json, --quiet, --verbose, --debug; the command gets ``console``."""
+    """Add --json, --quiet, --verbose and --debug; the command gets the argument ``console``."""
 
     @functools.wraps(command)
     def wrapper(*args: Any, quiet: bool, verbose: bool, debug: bool, **kwargs: Any) -> Any:
@@ -197,9 +219,13 @@ def console_options(command: Command) -> Command:
     wrapped: Any = wrapper
     for option in (
         click.option("--debug", is_flag=True, help="Show the traceback of an error."),
-        click.option("-v", "--verbose", is_flag=True, help="Also say the settings of every stage."),
-        click.option("-q", "--quiet", is_flag=True, help="Say nothing on standard error."),
-        click.option("--json", is_flag=True, help="JSON on standard output, also to a terminal."),
+        click.option(
+            "-v", "--verbose", is_flag=True, help="Also print the settings of each stage."
+        ),
+        click.option("-q", "--quiet", is_flag=True, help="Hide progress; errors still print."),
+        click.option(
+            "--json", is_flag=True, help="Write JSON to standard output, even on a terminal."
+        ),
     ):
         wrapped = option(wrapped)
     decorated: Command = wrapped
@@ -207,46 +233,49 @@ def console_options(command: Command) -> Command:
 
 
 def format_option(command: Command) -> Command:
-    """Adds ``--format`` for tables; the command gets ``form``, None where nobody chose."""
+    """Add ``--format`` for tables; the command gets the argument ``form``, None if not given."""
     return click.option(
         "--format",
         "form",
         type=click.Choice(FORMATS),
-        help="Format of the tables.  [default: text on a terminal, json in a pipe]",
+        help="Format of the tables.  [default: text on a terminal, otherwise json]",
     )(command)
 
 
 def chosen_format(form: str | None, console: Console) -> str:
-    """A person gets text, a program JSON, unless one is asked for."""
+    """The format of the tables: as chosen, or text on a terminal and JSON otherwise."""
     return form or ("json" if console.json or not sys.stdout.isatty() else "text")
 
 
 def put(text: str) -> None:
-    """Text to standard output, UTF-8 whatever the terminal's locale; raises UsageError."""
+    """Write text to standard output, always as UTF-8; raises UsageError if that fails."""
     write_bytes(STANDARD, text.encode())
 
 
 def output_option(command: Command) -> Command:
-    """Adds ``-o FILE``."""
-    text = "File to write; - is standard output.  [default: -]"
+    """Add ``-o FILE``."""
+    text = "Output file; - is standard output.  [default: -]"
     return click.option("-o", "--output", metavar="FILE", default=None, help=text)(command)
 
 
 def document_argument(noun: str) -> Callable[[Command], Command]:
-    """Adds the argument for the document before this stage; none or ``-`` is standard input."""
+    """Add the argument for the input document; omitted or ``-`` is standard input."""
     return click.argument("document", metavar=f"[{noun.upper()}]", required=False, default=STANDARD)
 
 
 def read_argument(path: str, kind: type[AnyDocument]) -> AnyDocument:
-    """The document that the argument names; raises UsageError rather than wait for a keyboard."""
+    """Read the input document of a command.
+
+    Raises UsageError instead of waiting for keyboard input, DataError for an invalid document.
+    """
     refuse_keyboard(path, f"{kind.kind} document", f"mssegment {kind.made_by} ...")
     return read_document(path, kind)
 
 
 def refuse_keyboard(path: str, noun: str, producer: str) -> None:
-    """Raises UsageError where ``path`` is standard input and that is a keyboard."""
+    """Raises UsageError if ``path`` is standard input and standard input is a terminal."""
     if path == STANDARD and sys.stdin.isatty():
         raise UsageError(
-            f"no {noun} given; name a file, or pipe one in: "
+            f"no {noun} given; name a file or pipe one in: "
             f"{producer} | {click.get_current_context().command_path} ..."
         )

@@ -26,7 +26,9 @@ KEYS = ("report.labels", "report.label_radius")
 )
 @click.argument("segmentations", nargs=-1, metavar="SEGMENTATION...")
 @settings_options(*KEYS)
-@click.option("--picture", metavar="FILE", help="Also draw them side by side (.png, .jpg, .svg).")
+@click.option(
+    "--picture", metavar="FILE", help="Also draw them side by side, as .png, .jpg or .svg."
+)
 @format_option
 @console_options
 def command(
@@ -36,13 +38,13 @@ def command(
     form: str | None,
     console: Console,
 ) -> None:
-    """Put several segmentations side by side: seeds, settings, models.
+    """Compare several segmentations, for example of different seeds, settings or models.
 
-    Reads two or more segmentation documents and writes a table. Where they have the same tracks it
-    also says how far each differs from the first.
+    Reads two or more segmentation documents and writes a table. For documents with the same tracks
+    it includes the percentage of tracks that differ from the first document.
     """
     if len(segmentations) < 2:
-        raise UsageError("two or more segmentation documents were expected")
+        raise UsageError(f"found {len(segmentations)} segmentation documents; expected two or more")
     from mssegment.cli.results import Results
     from mssegment.rendering.compare import comparison_picture, format_comparison
 
@@ -54,7 +56,7 @@ def command(
     if picture is not None:
         content = comparison_picture(segmentations, reports, _picture_format(picture))
         write_bytes(picture, content)
-        console.note(f"{picture} written")
+        console.note(f"wrote {picture}")
     text = format_comparison(segmentations, reports, chosen_format(form, console))
     put(text)
 
@@ -65,5 +67,5 @@ def _picture_format(path: str) -> str:
     suffix = path.rpartition(".")[2].lower()
     if suffix not in PICTURE_FORMATS:
         known = ", ".join(f".{name}" for name in PICTURE_FORMATS)
-        raise UsageError(f"--picture {path}: the name must end in one of {known}")
+        raise UsageError(f"--picture {path}: expected a name that ends in one of {known}")
     return suffix

@@ -33,12 +33,12 @@ KEYS = (
 def command(
     images: tuple[str, ...], settings: list[Setting], output: str | None, console: Console
 ) -> None:
-    """Find Harris corners in pictures (8 or 16 bit, grey or colour) or in a video.
+    """Detect Harris corners in images (8 or 16 bit, grey or colour) or in a video.
 
     Writes a corners document.
     """
     if not images:
-        raise UsageError("no pictures given; name two pictures, a folder, a glob or a video")
+        raise UsageError("no images given; name two images, a folder, a glob pattern or a video")
     start = time.perf_counter()
     from mssegment import pipeline
 

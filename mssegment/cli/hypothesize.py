@@ -42,10 +42,11 @@ KEYS = (
 @output_option
 @console_options
 def command(document: str, settings: list[Setting], output: str | None, console: Console) -> None:
-    """Draw elemental subsets of the tracks and turn each into a motion hypothesis.
+    """Draw elemental subsets of the tracks and fit a motion hypothesis to each.
 
-    Reads a tracks document, writes a hypotheses document. What stands still under a static camera
-    is set aside as background; a hypothesis is kept when tracks near its subset agree with it.
+    Reads a tracks document and writes a hypotheses document; each hypothesis is a point on the
+    manifold of the motion model. If the camera is static, the static tracks are removed first, as
+    background. A hypothesis is kept if further tracks near its subset agree with it.
     """
     configuration = resolve(settings)
     tracks = read_argument(document, TracksDocument)

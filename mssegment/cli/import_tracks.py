@@ -19,11 +19,12 @@ from mssegment.documents import STANDARD
 @output_option
 @console_options
 def command(file: str, output: str | None, console: Console) -> None:
-    """Read tracks that another program made, and write a tracks document.
+    """Import the tracks of another program and write a tracks document.
 
-    FILE is a CSV (`x1,y1,x2,y2[,label]` or `track,frame,x,y[,label]`, pixels), or a .mat of
-    Hopkins155, AdelaideRMF or KT3DMoSeg; the content decides. Labels and camera come along where
-    the file has them. No FILE or - is a CSV on standard input.
+    FILE is a CSV with the columns `x1,y1,x2,y2[,label]` or `track,frame,x,y[,label]`, in pixels, or
+    a .mat file of Hopkins155, AdelaideRMF or KT3DMoSeg; the format is determined from the content.
+    Labels are imported if the file has them. Without FILE, or if it is -, a CSV is read from
+    standard input.
     """
     refuse_keyboard(file, "CSV of tracks", "cat tracks.csv")
     start = time.perf_counter()

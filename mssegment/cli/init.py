@@ -6,9 +6,10 @@ import click
 
 from mssegment.cli import COMMANDS
 from mssegment.cli.common import Console, console_options, output_option
+from mssegment.configuration import KEYS
 from mssegment.documents import STANDARD, write_bytes
 
-MODELS = ("auto", "affine", "homography", "translation", "factorization")
+MODELS = KEYS["hypothesize.model"].choices.split("|")
 
 
 @click.command(
@@ -20,14 +21,16 @@ MODELS = ("auto", "affine", "homography", "translation", "factorization")
     type=click.Choice(MODELS),
     default="auto",
     show_default=True,
-    help="The motion model that the configuration is for.",
+    help="Motion model of the configuration.",
 )
 @output_option
 @console_options
 def command(model: str, output: str | None, console: Console) -> None:
-    """Write a commented config.yaml with every key, its default and what it means."""
+    """Write a commented config.yaml that lists every key with its default and description."""
     from mssegment.configuration.template import template
 
     write_bytes(output or STANDARD, template(model).encode())
     if output not in (None, STANDARD):
-        console.note(f"{output} written; put your pictures into input.images, then `mssegment run`")
+        console.note(
+            f"wrote {output}; set input.images in it, then run it with `mssegment run {output}`"
+        )

@@ -23,26 +23,26 @@ KEYS = ("input.start", "input.stop", "input.step")
     default="mssegment-labels",
     show_default=True,
     metavar="DIR",
-    help="Folder of the masks; drawing goes on where it was left.",
+    help="Folder for the masks; polygons saved there earlier are loaded.",
 )
 @click.option(
     "--port",
     type=click.IntRange(0, 65535),
     default=0,
     show_default=True,
-    help="Port on this machine; 0 takes any free one.",
+    help="Port of the page; 0 chooses a free one.",
 )
 @console_options
 def command(
     images: tuple[str, ...], settings: list[Setting], out: str, port: int, console: Console
 ) -> None:
-    """Label motions by hand: draw polygons over the frames in a local page.
+    """Label motions by hand by drawing polygons on the frames in a local web page.
 
-    The page is served to this machine only, until Ctrl-C. Saving writes one mask per labelled
-    frame, which `mssegment report --labels` reads.
+    The page is served to this machine only, until you press Ctrl-C. Saving writes one mask per
+    labelled frame, for `mssegment report --labels`.
     """
     if not images:
-        raise UsageError("no pictures given; name pictures, a folder, a glob or a video")
+        raise UsageError("no images given; name image files, a folder, a glob pattern or a video")
     from mssegment.imaging.frames import open_frames
     from mssegment.labelling import serve
 
@@ -54,9 +54,12 @@ def command(
             lambda index: source.colour(index)[..., ::-1],
             out,
             port=port,
-            ready=lambda url: click.echo(f"{url}  (Ctrl-C ends)"),
-            saved=lambda names: console.note(f"{', '.join(names)} saved in {out}"),
+            ready=lambda url: click.echo(f"{url}  (press Ctrl-C to stop)"),
+            saved=lambda names: console.note(f"saved {', '.join(names)} in {out}"),
         )
     except KeyboardInterrupt:
-        # Ctrl-C is how one leaves the page, so it is no interruption
-        console.note(f"the masks are in {out}: mssegment report ... --labels '{out}/mask-*.png'")
+        # Ctrl-C is the normal way to stop the server, not an interruption
+        console.note(
+            f"saved masks are in {out}; use them with "
+            f"`mssegment report SEGMENTATION --labels '{out}/mask-*.png'`"
+        )

@@ -30,9 +30,9 @@ KEYS = ("match.method", "match.min_length")
 @output_option
 @console_options
 def command(document: str, settings: list[Setting], output: str | None, console: Console) -> None:
-    """Match corners between two views, or follow them through a sequence.
+    """Match corners between two views, or track them through a sequence.
 
-    Reads a corners document and the pictures it names, writes a tracks document.
+    Reads a corners document and the images that it refers to, and writes a tracks document.
     """
     configuration = resolve(settings)
     corners = read_argument(document, CornersDocument)

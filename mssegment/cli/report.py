@@ -37,10 +37,10 @@ KEYS = (
 )
 @document_argument("segmentation")
 @settings_options(*KEYS)
-@click.option("--out", metavar="DIR", help="Folder for report.json, the page and the pictures.")
-@click.option("--force", is_flag=True, help="Write into a folder that exists.")
+@click.option("--out", metavar="DIR", help="Folder for report.json, report.html and the pictures.")
+@click.option("--force", is_flag=True, help="Write into a folder that is not empty.")
 @format_option
-@click.option("--show", is_flag=True, help="Show the picture in the terminal, where it can.")
+@click.option("--show", is_flag=True, help="Show the picture in the terminal, if it supports that.")
 @console_options
 def command(
     document: str,
@@ -51,11 +51,11 @@ def command(
     show: bool,
     console: Console,
 ) -> None:
-    """Show a segmentation: the paper's tables, annotated pictures, a page.
+    """Report a segmentation: the tables of the paper, annotated pictures, an HTML report.
 
-    Reads a segmentation document. With manual labels (a CSV of points, mask pictures, or labels
-    that came with imported tracks) also the confusion matrix, the misclassification, and the
-    residual errors (23) and (24) of the paper.
+    Reads a segmentation document. With ground-truth labels (a CSV of points, mask images, or the
+    labels of imported tracks) the report includes the confusion matrix, the misclassification, and
+    the residual errors (23) and (24) of the paper.
     """
     configuration = resolve(settings)
     segmentation = read_argument(document, SegmentationDocument)
@@ -67,7 +67,7 @@ def command(
         if out is not None:
             with console.working("report"):
                 written = results.write(out)
-            console.note(f"{', '.join(written)} in {out}")
+            console.note(f"wrote {', '.join(written)} to {out}")
     if show:
         results.show()
     put(format_report(results.report, chosen_format(form, console)))

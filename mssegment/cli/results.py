@@ -1,4 +1,4 @@
-"""The folder of results that ``run`` and ``report`` write: report.json, the page, the pictures."""
+"""The results that ``run`` and ``report`` write: report.json, report.html, pictures, a video."""
 
 from __future__ import annotations
 
@@ -24,9 +24,9 @@ if TYPE_CHECKING:
 
 @contextmanager
 def claimed_folder(out: str, force: bool) -> Iterator[None]:
-    """The folder for results; one that was made here and is still empty goes when the block fails.
+    """Create the folder for the results; remove it if the block fails and it is new and empty.
 
-    Raises UsageError where it is in use already and ``force`` is not set, or cannot be written.
+    Raises UsageError if the folder is not empty and ``force`` is not set, or cannot be written.
     """
     is_new = not Path(out).exists()
     try:
@@ -34,7 +34,7 @@ def claimed_folder(out: str, force: bool) -> Iterator[None]:
         yield
     except BaseException:
         if is_new:
-            with suppress(OSError):  # it is not empty: what is whole stays
+            with suppress(OSError):  # not empty: complete files are kept
                 Path(out).rmdir()
         raise
 
@@ -42,9 +42,12 @@ def claimed_folder(out: str, force: bool) -> Iterator[None]:
 def _claim(out: str, force: bool) -> None:
     folder = Path(out)
     if folder.is_file():
-        raise UsageError(f"{out}: this is a file, --out names a folder")
+        raise UsageError(f"{out}: this is a file; expected a folder for --out")
     if folder.is_dir() and any(folder.iterdir()) and not force:
-        raise UsageError(f"{out}: exists already; --force writes into it, --out names another")
+        raise UsageError(
+            f"{out}: this folder is not empty; use --force to write into it, or --out to name "
+            "another"
+        )
     try:
         folder.mkdir(parents=True, exist_ok=True)
         probe = folder / ".mssegment"
@@ -53,11 +56,13 @@ def _claim(out: str, force: bool) -> None:
         finally:
             probe.unlink(missing_ok=True)
     except OSError as error:
-        raise UsageError(f"{out}: cannot be written ({error.strerror}); choose another") from None
+        raise UsageError(
+            f"{out}: cannot be written ({error.strerror}); choose another folder"
+        ) from None
 
 
 class Results(Record, frozen=True):
-    """A report and the settings that say what of it is written."""
+    """A report, and the configuration that selects what is written."""
 
     report: Report
     configuration: Configuration
@@ -69,7 +74,26 @@ class Results(Record, frozen=True):
         configuration: Configuration,
         source: FrameSource | None = None,
     ) -> Results:
-        """The results of a segmentation; pictures from ``source``, or from the files it names."""
+        """The results of a segmentation.
+
+        Parameters
+        ----------
+        document : SegmentationDocument
+            The segmentation.
+        configuration : Configuration
+            Its section ``report`` selects the labels and what is written.
+        source : FrameSource, optional
+            The opened images; by default they are read from the paths in the document.
+
+        Returns
+        -------
+        Results
+
+        Raises
+        ------
+        DataError
+            If the labels cannot be read or match no track.
+        """
         settings = configuration.report
         truth = None
         if settings.labels:
@@ -92,7 +116,7 @@ class Results(Record, frozen=True):
         return cls(report, configuration)
 
     def write(self, out: str) -> list[str]:
-        """Writes report.json, and the pictures and the page that are asked for; their names."""
+        """Write report.json and the selected files into the folder ``out``; their names."""
         written = {"report.json": report_bytes(self.report)}
         settings = self.configuration.report
         if settings.pictures:
@@ -113,23 +137,25 @@ class Results(Record, frozen=True):
         return list(written)
 
     def show(self) -> None:
-        """The motions in the terminal itself; raises UsageError where it can show no picture."""
+        """Show the motions in the terminal; raises UsageError if it cannot display pictures."""
         from mssegment.rendering.pictures import scenes_of
         from mssegment.rendering.raster import paint
         from mssegment.rendering.terminal import protocol_of, show
 
         protocol = protocol_of(os.environ)
         if protocol is None or not sys.stdout.isatty():
-            raise UsageError("--show: this terminal shows no pictures; --out DIR writes them")
+            raise UsageError(
+                "--show: this terminal cannot display pictures; use --out DIR to write them"
+            )
         for _, scene in scenes_of(self.report, ["side-by-side"]):
             sys.stdout.buffer.write(show(paint(scene), protocol))
         sys.stdout.flush()
 
 
 class _Pictures:
-    """The picture of a frame, blue first, or None where its file is not at hand.
+    """The image of a frame in BGR order, or None if its file is not available.
 
-    Imported tracks have the pictures that lie in their file, if any (AdelaideRMF).
+    The images of imported tracks are those inside their file, if any (AdelaideRMF).
     """
 
     def __init__(self, document: SegmentationDocument, source: FrameSource | None) -> None:
@@ -151,7 +177,7 @@ class _Pictures:
         try:
             return reopen_frames(self._frames).colour
         except DataError:
-            # a document from another machine: its points are drawn without the picture
+            # a document from another machine: the points are drawn without the image
             return lambda index: None
 
     def _inside_the_file(self) -> Callable[[int], Picture | None]:

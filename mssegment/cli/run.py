@@ -43,19 +43,25 @@ _TRACK_FILES = (".csv", ".mat", ".json")
 )
 @click.argument("inputs", nargs=-1, required=True, metavar="CONFIG.yaml | IMAGE... | TRACKS")
 @settings_options(*KEYS)
-@click.option("--set", "assignments", multiple=True, metavar="KEY=VALUE", help="Set any key.")
 @click.option(
-    "--out", default="mssegment-out", show_default=True, metavar="DIR", help="Folder of results."
+    "--set", "assignments", multiple=True, metavar="KEY=VALUE", help="Set any key; repeatable."
 )
-@click.option("--force", is_flag=True, help="Write into a folder that exists.")
+@click.option(
+    "--out",
+    default="mssegment-out",
+    show_default=True,
+    metavar="DIR",
+    help="Folder for the results.",
+)
+@click.option("--force", is_flag=True, help="Write into a folder that is not empty.")
 @click.option(
     "--threads",
     type=click.IntRange(min=1),
     default=1,
     show_default=True,
-    help="Threads; the result does not depend on them.",
+    help="Number of threads; the result does not depend on it.",
 )
-@click.option("--profile", is_flag=True, help="Show time, share and peak memory of every stage.")
+@click.option("--profile", is_flag=True, help="Print time and peak memory of every stage.")
 @format_option
 @console_options
 def command(
@@ -69,11 +75,11 @@ def command(
     form: str | None,
     console: Console,
 ) -> None:
-    """Run all stages and write everything into one folder.
+    """Run all stages and write the results to a folder.
 
-    The input is a configuration, pictures (two, a folder, a glob, a video), or tracks of your own
-    (CSV, .mat, a tracks document). The folder gets the documents of the stages, report.json,
-    timings.json, the annotated pictures and report.html.
+    The input is a configuration file, images (two files, a folder, a glob pattern or a video), or
+    tracks (a CSV, a .mat file or a tracks document). The output is the document of each stage,
+    report.json, timings.json, annotated pictures and report.html.
     """
     configuration = _configuration(inputs, settings, assignments)
     tracks = _tracks(configuration)
@@ -111,11 +117,16 @@ def command(
 def _configuration(
     inputs: tuple[str, ...], settings: list[Setting], assignments: tuple[str, ...]
 ) -> Configuration:
-    """Option > environment > config > default; the pictures on the command line count as option."""
+    """Precedence: option, environment, configuration file, default.
+
+    The images on the command line count as an option.
+    """
     layers: list[Setting] = []
     if any(Path(path).suffix.lower() in (".yaml", ".yml") for path in inputs):
         if len(inputs) > 1:
-            raise UsageError(f"{' '.join(inputs)}: one configuration, or pictures; not both")
+            raise UsageError(
+                f"{' '.join(inputs)}: expected one configuration file, or images, not both"
+            )
         layers = from_file(inputs[0])
     elif len(inputs) == 1 and Path(inputs[0]).suffix.lower() in _TRACK_FILES:
         layers = [Setting("input.tracks", inputs[0], "TRACKS")]
@@ -127,7 +138,8 @@ def _configuration(
         raise ConfigurationError("input.images and input.tracks are both set; keep one of them")
     if not read.images and read.tracks is None:
         raise ConfigurationError(
-            f"{inputs[0]}: input.images is not set; name two pictures, a folder, a glob or a video"
+            f"{inputs[0]}: input.images is not set; name two images, a folder, a glob pattern or "
+            "a video"
         )
     return configuration
 
@@ -145,7 +157,7 @@ def _tracks(configuration: Configuration) -> TracksDocument | None:
 
 
 def _write(result: pipeline.Result, results: Results, out: str) -> list[str]:
-    """Writes the documents and the results; the names of the results."""
+    """Write the documents and the results; the names of the result files."""
     from mssegment.documents import write_document
 
     for document in (result.corners, result.tracks, result.hypotheses, result.segmentation):
@@ -155,7 +167,7 @@ def _write(result: pipeline.Result, results: Results, out: str) -> list[str]:
 
 
 def _finish(timings: Timings, names: list[str], out: str, console: Console) -> None:
-    """timings.json, and the line that says where everything is."""
+    """Write timings.json and print the line of the report."""
     import msgspec
 
     from mssegment.documents import write_bytes
@@ -174,5 +186,5 @@ def _profile(timings: Timings) -> str:
     for name, seconds in timings.seconds.items():
         peak = timings.peak_bytes[name] / 1e6
         lines.append(f"{name:<12} {seconds:8.3f} {seconds / total:6.0%} {peak:8.0f}")
-    lines.append(f"{'all':<12} {total:8.3f}")
+    lines.append(f"{'total':<12} {total:8.3f}")
     return "\n".join(lines)

@@ -1,4 +1,4 @@
-"""What a command says of its document, in one line."""
+"""One-line summaries of documents, for the progress lines."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from mssegment.documents import (
 
 
 def describe(document: Document) -> str:
-    """The sentence for the stage's line."""
+    """Summarize a document in one line, for example ``78 modes, 3 motions``."""
     match document:
         case CornersDocument():
             return _corners(document)
@@ -36,7 +36,7 @@ def _corners(document: CornersDocument) -> str:
 
 def _hypotheses(document: HypothesesDocument) -> str:
     if not document.sets:
-        return "no subset agrees with others"
+        return "no hypotheses"
     kept = sum(len(chosen.points) for chosen in document.sets)
     drawn = sum(chosen.drawn for chosen in document.sets)
-    return f"{kept} of {drawn} subsets agree"
+    return f"{kept} hypotheses from {drawn} subsets"

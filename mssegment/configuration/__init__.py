@@ -1,6 +1,7 @@
-"""config.yaml, the environment and the command line become one typed configuration.
+"""Settings from config.yaml, the environment and the command line as one typed configuration.
 
-Precedence: option > environment (``MSSEGMENT_CLUSTER_BANDWIDTH``) > config > default.
+Precedence, highest first: command-line option, environment variable (for example
+``MSSEGMENT_CLUSTER_BANDWIDTH``), config.yaml, default.
 """
 
 from __future__ import annotations
@@ -62,14 +63,35 @@ _WORDS = {
     for word in words.split()
     for form in (word, word.capitalize(), word.upper())
 }
-"""The words that YAML 1.1 takes for something else than text."""
+"""Words that YAML 1.1 does not read as text."""
 _INTRINSICS = ("fx", "fy", "cx", "cy")
 
 
 def resolve(settings: Iterable[Setting]) -> Configuration:
-    """The configuration of the settings; a later one overrides an earlier one of the same key.
+    """Combine settings into a configuration.
 
-    Raises the error of the first setting that is wrong, in one line.
+    Parameters
+    ----------
+    settings : iterable of Setting
+        In order of increasing precedence: a later value of a key overrides an earlier one.
+
+    Returns
+    -------
+    Configuration
+        All settings; keys that are not given have their defaults.
+
+    Raises
+    ------
+    MssegmentError
+        For the first value that is not valid: the ``error`` type of its setting.
+    ConfigurationError
+        If two settings contradict each other.
+
+    Examples
+    --------
+    >>> from mssegment.configuration import from_mapping, resolve
+    >>> resolve(from_mapping({"segment.motions": 2}, "example")).segment.motions
+    2
     """
     values: dict[str, Any] = {}
     for setting in settings:
@@ -82,9 +104,21 @@ def resolve(settings: Iterable[Setting]) -> Configuration:
 
 
 def from_file(path: str) -> list[Setting]:
-    """The settings in a YAML file, paths taken relative to its folder.
+    """Read the settings in a YAML file.
 
-    Raises ConfigurationError, with line and column, for what is not YAML, or not a known key.
+    Parameters
+    ----------
+    path : str
+        The file. Relative paths in it are relative to its folder.
+
+    Returns
+    -------
+    list of Setting
+
+    Raises
+    ------
+    ConfigurationError
+        If the file cannot be read, is not YAML, or has an unknown key; with line and column.
     """
     from mssegment.configuration.files import read_settings
 
@@ -92,12 +126,15 @@ def from_file(path: str) -> list[Setting]:
 
 
 def from_text(assignments: Iterable[str]) -> list[Setting]:
-    """The settings of ``--set KEY=VALUE``; VALUE is YAML. Raises ConfigurationError."""
+    """Parse the arguments of ``--set KEY=VALUE``, where VALUE is YAML.
+
+    Raises ConfigurationError if there is no ``=``, the key is unknown, or VALUE is not YAML.
+    """
     settings = []
     for assignment in assignments:
         key, equals, value = assignment.partition("=")
         if not equals:
-            raise ConfigurationError(f"--set {assignment}: KEY=VALUE was expected")
+            raise ConfigurationError(f"--set {assignment}: expected KEY=VALUE")
         origin = f"--set {assignment}"
         check_key(key.strip(), origin)
         settings.append(Setting(key.strip(), _value(value, origin), origin))
@@ -105,7 +142,11 @@ def from_text(assignments: Iterable[str]) -> list[Setting]:
 
 
 def from_environment(environment: Mapping[str, str] = os.environ) -> list[Setting]:
-    """The settings in the environment: ``MSSEGMENT_`` and the key in capitals, ``_`` for dots."""
+    """The settings in environment variables.
+
+    The name of a variable is ``MSSEGMENT_`` followed by the key in capitals with ``_`` instead of
+    dots. Raises ConfigurationError for a value that is not YAML.
+    """
     names = {key: f"MSSEGMENT_{key.replace('.', '_').upper()}" for key in KEYS}
     return [
         Setting(key, _value(environment[name], name), name)
@@ -115,9 +156,19 @@ def from_environment(environment: Mapping[str, str] = os.environ) -> list[Settin
 
 
 def from_options(options: Mapping[str, Any], flags: Mapping[str, str]) -> list[Setting]:
-    """The settings of command-line options that were given (not None), by key.
+    """The settings of command-line options.
 
-    ``flags`` names each key's flag; text is read as YAML.
+    Parameters
+    ----------
+    options : mapping
+        Value by key; None where the option was not given. Text is parsed as YAML.
+    flags : mapping
+        The flag of each key, for error messages.
+
+    Returns
+    -------
+    list of Setting
+        Those that were given; a value that is not valid will raise UsageError.
     """
     return [
         Setting(
@@ -132,16 +183,28 @@ def from_options(options: Mapping[str, Any], flags: Mapping[str, str]) -> list[S
 
 
 def from_mapping(values: Mapping[str, Any], origin: str) -> list[Setting]:
-    """The settings of values by dotted key. Raises ConfigurationError for an unknown key."""
+    """The settings of values by dotted key.
+
+    ``origin`` opens the error messages. Raises ConfigurationError for an unknown key.
+    """
     for key in values:
         check_key(key, origin)
     return [Setting(key, value, origin) for key, value in values.items()]
 
 
 def camera_of(settings: CameraSettings) -> Camera | None:
-    """The camera that the settings describe, None where they describe none.
+    """The camera that the settings describe.
 
-    Raises ConfigurationError where only a part of the four intrinsics is there.
+    Returns
+    -------
+    Camera or None
+        None if no camera is set.
+
+    Raises
+    ------
+    ConfigurationError
+        If some but not all of fx, fy, cx, cy are set, both a file and numbers are set, or the
+        file cannot be read.
     """
     if settings.file is not None:
         own = {f"camera.{k}": getattr(settings, k) for k in _INTRINSICS}
@@ -161,16 +224,16 @@ def camera_of(settings: CameraSettings) -> Camera | None:
 
 
 def camera_settings(text: str) -> list[Setting]:
-    """The settings of ``--camera``: ``fx,fy,cx,cy`` in pixels, or the name of a file.
+    """Parse the argument of ``--camera``: ``fx,fy,cx,cy`` in pixels, or the name of a file.
 
-    Raises UsageError where it is neither.
+    Raises UsageError for a list that does not have four numbers.
     """
     origin = f"--camera {text}"
     if "," not in text:
         return [Setting("camera.file", text, origin, UsageError)]
     numbers = text.split(",")
     if len(numbers) != len(_INTRINSICS):
-        raise UsageError(f"{origin}: {len(numbers)} numbers, fx,fy,cx,cy were expected")
+        raise UsageError(f"{origin}: found {len(numbers)} numbers; expected fx,fy,cx,cy")
     return [
         Setting(f"camera.{name}", _value(number, origin), origin, UsageError)
         for name, number in zip(_INTRINSICS, numbers, strict=True)
@@ -178,7 +241,7 @@ def camera_settings(text: str) -> list[Setting]:
 
 
 def _value(text: str, origin: str) -> Any:
-    """What ``text`` stands for in YAML; PyYAML is not loaded for a single word."""
+    """The value of ``text`` as YAML; a single word is parsed here, without loading PyYAML."""
     if text.isascii() and text.isalpha():
         return _WORDS.get(text, text)
     from mssegment.configuration.files import value_of
@@ -192,16 +255,16 @@ def _convert(setting: Setting) -> Any:
     if isinstance(value, str) and "..." in key.choices:
         value = [value]
     if isinstance(value, str) and "NUMBER" in key.choices:
-        # YAML 1.1 takes 1e-2 for text, people do not
+        # YAML 1.1 reads 1e-2 as text
         with contextlib.suppress(ValueError):
             value = float(value)
     if isinstance(value, float) and not math.isfinite(value):
-        raise setting.error(f"{setting.origin}: {setting.key} is {value}, which is no number")
+        raise setting.error(f"{setting.origin}: {setting.key} is {value}; expected a finite number")
     try:
         return msgspec.convert(value, key.type)
     except msgspec.ValidationError:
         raise setting.error(
-            f"{setting.origin}: {setting.key} is {value!r}, {key.expected} was expected"
+            f"{setting.origin}: {setting.key} is {value!r}; expected {key.expected}"
         ) from None
 
 
@@ -209,11 +272,11 @@ def _check_together(configuration: Configuration) -> None:
     read = configuration.input
     if read.stop is not None and read.stop <= read.start:
         raise ConfigurationError(
-            f"input.stop is {read.stop}, more than input.start ({read.start}) was expected"
+            f"input.stop is {read.stop}; expected more than input.start ({read.start})"
         )
     segment = configuration.segment
     if isinstance(segment.motions, int) and segment.motions < segment.min_motions:
         raise ConfigurationError(
-            f"segment.motions is {segment.motions}, less than segment.min_motions "
+            f"segment.motions is {segment.motions}; expected at least segment.min_motions "
             f"({segment.min_motions})"
         )

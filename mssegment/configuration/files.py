@@ -1,7 +1,7 @@
-"""YAML: a configuration, a camera, or one value, each error with its place.
+"""Reading YAML: a configuration, a camera, or a single value, with the position of each error.
 
-In a file of its own, because most commands read none, and loading PyYAML takes longer than all
-the rest of the configuration.
+A module of its own because most commands read no YAML, and importing PyYAML takes longer than the
+rest of the configuration.
 """
 
 from __future__ import annotations
@@ -19,12 +19,12 @@ _PATH_KEYS = ("input.images", "input.tracks", "camera.file", "report.labels")
 
 
 def read_settings(path: str) -> list[Setting]:
-    """The settings in a file; raises ConfigurationError, see ``configuration.from_file``."""
+    """The settings in a configuration file; see ``configuration.from_file``."""
     try:
         text = Path(path).read_text(encoding="utf-8")
     except FileNotFoundError:
         raise ConfigurationError(
-            f"{path}: no such configuration; `mssegment init` writes one to start from"
+            f"{path}: no such configuration file; `mssegment init` writes one to start from"
         ) from None
     except (OSError, UnicodeDecodeError) as error:
         raise ConfigurationError(f"{path}: cannot be read ({error})") from None
@@ -32,21 +32,26 @@ def read_settings(path: str) -> list[Setting]:
 
 
 def read_camera(path: str) -> list[Setting]:
-    """The settings ``camera.*`` in a file; raises ConfigurationError where it holds others."""
+    """The settings ``camera.*`` in a camera file.
+
+    Raises ConfigurationError if the file cannot be read or holds any other keys.
+    """
     try:
         node = _compose(Path(path).read_text(encoding="utf-8"), path)
     except (OSError, UnicodeDecodeError) as error:
-        raise ConfigurationError(f"{path}: the camera cannot be read ({error})") from None
+        raise ConfigurationError(f"{path}: the camera file cannot be read ({error})") from None
     if not isinstance(node, yaml.MappingNode):
-        raise ConfigurationError(f"{path}: fx, fy, cx, cy were expected")
+        raise ConfigurationError(f"{path}: no keys in this camera file; expected fx, fy, cx, cy")
     settings = _flatten(node, path, section="camera")
     if any(s.key in ("camera.file", "camera.derotate") for s in settings):
-        raise ConfigurationError(f"{path}: a camera file holds fx, fy, cx, cy, distortion only")
+        raise ConfigurationError(
+            f"{path}: a camera file may hold only fx, fy, cx, cy and distortion; remove the rest"
+        )
     return settings
 
 
 def value_of(text: str, origin: str) -> Any:
-    """What ``text`` stands for; raises ConfigurationError."""
+    """The value of ``text`` as YAML; raises ConfigurationError if it is not plain YAML."""
     node = _compose(text, origin)
     return "" if node is None else _value(node, origin)
 
@@ -63,12 +68,12 @@ def _compose(text: str, path: str) -> yaml.Node | None:
 
 
 def _flatten(node: yaml.Node | None, path: str, section: str = "") -> list[Setting]:
-    """The settings below a YAML node, each with its line and column."""
+    """The settings below a YAML node, each with its line and column as origin."""
     if node is None or node.tag.endswith(":null"):
         return []
     if not isinstance(node, yaml.MappingNode):
-        what = f"{section}: keys below it were" if section else "keys (`section: ...`) were"
-        raise ConfigurationError(f"{path}{_place(node)}: {what} expected")
+        what = f"{section}: expected keys below it" if section else "expected keys (`section: ...`)"
+        raise ConfigurationError(f"{path}{_place(node)}: {what}")
     settings: list[Setting] = []
     seen: set[str] = set()
     for key_node, value_node in node.value:
@@ -76,7 +81,7 @@ def _flatten(node: yaml.Node | None, path: str, section: str = "") -> list[Setti
         name = str(key_node.value)
         key = f"{section}.{name}" if section else name
         if key in seen:
-            raise ConfigurationError(f"{origin}: {key} is there twice; remove one")
+            raise ConfigurationError(f"{origin}: {key} is set twice; remove one of them")
         seen.add(key)
         if not section and any(k.startswith(f"{name}.") for k in KEYS):
             settings += _flatten(value_node, path, name)
@@ -91,9 +96,9 @@ def _value(node: yaml.Node, origin: str) -> Any:
     try:
         return loader.construct_document(node)
     except (yaml.YAMLError, ValueError) as error:
-        # ValueError: a scalar that looks like a date or a number and is none
+        # ValueError: a scalar that looks like a date or a number but is not one
         reason = getattr(error, "problem", None) or error
-        raise ConfigurationError(f"{origin}: no plain YAML value ({reason})") from None
+        raise ConfigurationError(f"{origin}: not a plain YAML value ({reason})") from None
     finally:
         loader.dispose()
 

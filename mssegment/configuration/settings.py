@@ -1,21 +1,28 @@
-"""Every setting of the tool: its type, its default, its range, and one sentence that explains it.
+"""Every setting of the tool: its type, default, range, and a one-sentence description.
 
-These types are the only place where a setting is defined; the command line, config.yaml, the
-environment, `mssegment init` and the table in the README are made from them.
+These types are the single definition of the settings. The options of the command line, the keys
+of config.yaml, the environment variables, the output of `mssegment init` and the table in the
+README are all generated from them.
 
-Annotations are evaluated with the classes here, since all of them are looked at on every start;
-from strings (``from __future__ import annotations``) that takes several times as long.
+This module does not use ``from __future__ import annotations``: the annotations are read at every
+start, and evaluating them from strings takes several times as long.
 """
 
-from typing import Annotated, Any, Literal, get_args, get_origin
+from typing import TYPE_CHECKING, Annotated, Any, Literal, get_args, get_origin
 
 import msgspec
 from msgspec import Meta
 
 from mssegment.errors import ConfigurationError, MssegmentError
 from mssegment.records import Record
+from mssegment.registry import MODELS
 
 Auto = Literal["auto"]
+
+if TYPE_CHECKING:
+    ModelName = str
+else:
+    ModelName = Literal["auto", *MODELS]
 
 
 class Section(msgspec.Struct, frozen=True, kw_only=True):
@@ -23,18 +30,21 @@ class Section(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class InputSettings(Section, frozen=True):
-    """What is read."""
+    """The input: images or tracks."""
 
-    images: Annotated[list[str], Meta(description="Pictures, a folder, a glob, or a video.")] = []
+    images: Annotated[
+        list[str], Meta(description="Image files, a folder, a glob pattern, or a video.")
+    ] = []
     tracks: Annotated[
         str | None,
-        Meta(description="Tracks of your own instead of pictures (CSV, .mat, tracks document)."),
+        Meta(description="Tracks to use instead of images: CSV, .mat, or a tracks document."),
     ] = None
-    start: Annotated[int, Meta(ge=0, description="First frame, counted from 0.")] = 0
+    start: Annotated[int, Meta(ge=0, description="Index of the first frame, counted from 0.")] = 0
     stop: Annotated[
-        Annotated[int, Meta(ge=1)] | None, Meta(description="Frame to stop before; none: the end.")
+        Annotated[int, Meta(ge=1)] | None,
+        Meta(description="Index of the frame to stop before; none: read to the end."),
     ] = None
-    step: Annotated[int, Meta(ge=1, description="Take every n-th frame.")] = 1
+    step: Annotated[int, Meta(ge=1, description="Read every n-th frame.")] = 1
 
 
 class CameraSettings(Section, frozen=True):
@@ -44,70 +54,87 @@ class CameraSettings(Section, frozen=True):
         str | None, Meta(description="YAML or JSON file with fx, fy, cx, cy, distortion.")
     ] = None
     fx: Annotated[
-        Annotated[float, Meta(gt=0)] | None, Meta(description="Focal length in x, pixels.")
+        Annotated[float, Meta(gt=0)] | None, Meta(description="Horizontal focal length, in pixels.")
     ] = None
     fy: Annotated[
-        Annotated[float, Meta(gt=0)] | None, Meta(description="Focal length in y, pixels.")
+        Annotated[float, Meta(gt=0)] | None, Meta(description="Vertical focal length, in pixels.")
     ] = None
-    cx: Annotated[float | None, Meta(description="Principal point, x, pixels.")] = None
-    cy: Annotated[float | None, Meta(description="Principal point, y, pixels.")] = None
+    cx: Annotated[float | None, Meta(description="Principal point x, in pixels.")] = None
+    cy: Annotated[float | None, Meta(description="Principal point y, in pixels.")] = None
     distortion: Annotated[
-        list[float], Meta(description="Lens distortion k1, k2, p1, p2[, k3, ...] as in OpenCV.")
+        list[float],
+        Meta(description="Lens distortion coefficients k1, k2, p1, p2[, k3, ...] as in OpenCV."),
     ] = []
     derotate: Annotated[
         Auto | bool,
-        Meta(description="Take the camera's small rotation out before `translation`."),
+        Meta(
+            description="Compensate a small camera rotation for model translation; auto: where it "
+            "explains the matches much better."
+        ),
     ] = "auto"
 
 
 class DetectSettings(Section, frozen=True):
-    """Harris corners."""
+    """Harris corner detection."""
 
     levels: Annotated[
         Auto | Annotated[int, Meta(ge=1, le=8)],
         Meta(
-            description="Scales to look at, a factor sqrt 2 apart; auto: 4 for two views, else 1."
+            description="Number of pyramid levels, a factor of sqrt(2) apart; auto: 4 or more for "
+            "two views, otherwise 1."
         ),
     ] = "auto"
     max_corners: Annotated[
         Auto | Annotated[int, Meta(ge=1)],
-        Meta(description="At most so many corners a frame, on the finest level."),
+        Meta(
+            description="Maximum number of corners per frame on the finest level; auto: 1500 for "
+            "two views, otherwise 1000."
+        ),
     ] = "auto"
     quality: Annotated[
         Auto | Annotated[float, Meta(gt=0, lt=1)],
-        Meta(description="Least response, as a share of the strongest corner's."),
+        Meta(
+            description="Minimum Harris response, as a fraction of the strongest one; auto: 0.0001."
+        ),
     ] = "auto"
     min_distance: Annotated[
         Auto | Annotated[float, Meta(ge=0)],
-        Meta(description="Least distance between two corners, pixels."),
+        Meta(
+            description="Minimum distance between corners, in pixels; auto: 0 for two views, "
+            "otherwise 5."
+        ),
     ] = "auto"
 
 
 class MatchSettings(Section, frozen=True):
-    """How corners become tracks."""
+    """Matching and tracking of corners."""
 
     method: Annotated[
         Literal["auto", "affine", "patches", "flow"],
         Meta(
-            description="affine: oriented patches and affine Lucas-Kanade; patches: plain patch "
-            "correlation; flow: pyramidal Lucas-Kanade. auto: affine for two frames, else flow."
+            description="affine: oriented patches refined by affine Lucas-Kanade; patches: "
+            "correlation of upright patches; flow: pyramidal Lucas-Kanade; auto: affine for two "
+            "frames, otherwise flow."
         ),
     ] = "auto"
     min_length: Annotated[
         Auto | Annotated[int, Meta(ge=2)],
-        Meta(description="Drop tracks that are seen in fewer frames than this."),
+        Meta(
+            description="Minimum track length in frames, for method flow; auto: the whole sequence "
+            "for up to 8 frames, otherwise 3."
+        ),
     ] = "auto"
 
 
 class BackgroundSettings(Section, frozen=True):
-    """Tracks that stand still under a static camera."""
+    """Static tracks under a static camera."""
 
     remove: Annotated[
         Auto | bool,
-        Meta(description="Remove what stands still; auto: when the camera is static."),
+        Meta(description="Remove static tracks as background; auto: when the camera is static."),
     ] = "auto"
     min_displacement: Annotated[
-        float, Meta(gt=0, description="A track that moves less, in pixels, stands still.")
+        float, Meta(gt=0, description="Tracks that move less than this, in pixels, are static.")
     ] = 2.0
 
 
@@ -115,23 +142,32 @@ class HypothesizeSettings(Section, frozen=True):
     """Motion hypotheses from elemental subsets."""
 
     model: Annotated[
-        Literal["auto", "affine", "homography", "translation", "factorization"],
+        ModelName,
         Meta(
-            description="The motion model; auto: of two views affine or homography, for each "
-            "motion the one that says it shorter, of more views factorization."
+            description="Motion model; auto: for two views affine or homography, whichever "
+            "describes the motion with the shorter code; for more views factorization."
         ),
     ] = "auto"
     rank: Annotated[
         Auto | Annotated[int, Meta(ge=3, le=4)],
-        Meta(description="Rank of a motion's subspace for factorization: 3 planar, 4 general."),
+        Meta(
+            description="Rank of a motion's subspace for model factorization: 3 for planar or "
+            "translating objects, 4 in general; auto: 3, and both ranks from 6 frames on."
+        ),
     ] = "auto"
     count: Annotated[
         Auto | Annotated[int, Meta(ge=1, le=1_000_000)],
-        Meta(description="Hypotheses to draw; auto: until the outcome settles."),
+        Meta(
+            description="Number of hypotheses to draw; auto: until further ones no longer improve "
+            "the fit of the tracks."
+        ),
     ] = "auto"
     sampling: Annotated[
         Literal["local", "uniform"],
-        Meta(description="Draw elemental subsets among neighbours, or anywhere."),
+        Meta(
+            description="local: draw elemental subsets among neighbouring tracks; uniform: among "
+            "all tracks."
+        ),
     ] = "local"
 
 
@@ -140,15 +176,19 @@ class ClusterSettings(Section, frozen=True):
 
     method: Annotated[
         Literal["auto", "meanshift", "consensus"],
-        Meta(description="meanshift: the paper; consensus: for long sequences; auto: by frames."),
+        Meta(
+            description="meanshift: motions from the modes, as in the paper; consensus: consensus "
+            "clustering of the tracks, for long sequences; auto: consensus for factorization over "
+            "6 frames or more, otherwise meanshift."
+        ),
     ] = "auto"
     bandwidth: Annotated[
         Auto | Annotated[float, Meta(gt=0)],
-        Meta(description="Bandwidth h of the kernel; auto: by nearest neighbours."),
+        Meta(description="Bandwidth h of the kernel; auto: from nearest-neighbour distances."),
     ] = "auto"
     kernel: Annotated[
         Literal["gaussian", "truncated", "epanechnikov"],
-        Meta(description="Profile of the kernel; truncated: a Gaussian cut off at 3 h."),
+        Meta(description="Kernel profile; truncated: a Gaussian that reaches zero at 3 h."),
     ] = "gaussian"
 
 
@@ -157,45 +197,53 @@ class SegmentSettings(Section, frozen=True):
 
     selection: Annotated[
         Literal["mdl", "dominance"],
-        Meta(description="mdl: shortest description of all tracks; dominance: the paper's rule."),
+        Meta(
+            description="Rule that selects the motions; mdl: minimum description length; "
+            "dominance: the most dominant modes, as in the paper."
+        ),
     ] = "mdl"
     motions: Annotated[
-        Auto | Annotated[int, Meta(ge=0)], Meta(description="Number of motions, where known.")
+        Auto | Annotated[int, Meta(ge=0)],
+        Meta(description="Number of motions, if known; auto: estimated."),
     ] = "auto"
-    min_motions: Annotated[int, Meta(ge=0, description="At least so many motions.")] = 0
+    min_motions: Annotated[int, Meta(ge=0, description="Minimum number of motions.")] = 0
     granularity: Annotated[
         Literal["object", "surface", "auto"],
         Meta(
-            description="object: parallax is noise, faces of a body are one; surface: each plane "
-            "counts."
+            description="object: planes of one rigid object are merged; surface: each plane is a "
+            "motion of its own; auto: surface if the planes found are flat, otherwise object."
         ),
     ] = "object"
 
 
 class ReportSettings(Section, frozen=True):
-    """Tables and pictures."""
+    """Tables, pictures and the HTML report."""
 
     labels: Annotated[
-        list[str], Meta(description="Manual labels: a CSV of points, or mask pictures.")
+        list[str], Meta(description="Ground-truth labels: a CSV of points, or mask images.")
     ] = []
     label_radius: Annotated[
-        float, Meta(gt=0, description="A labelled point counts for a track within this, pixels.")
+        float,
+        Meta(gt=0, description="Maximum distance from a labelled point to its track, in pixels."),
     ] = 3.0
-    pictures: Annotated[bool, Meta(description="Draw the annotated pictures.")] = True
+    pictures: Annotated[bool, Meta(description="Write annotated pictures.")] = True
     picture_format: Annotated[
-        Literal["png", "jpg", "svg"], Meta(description="Format of the pictures.")
+        Literal["png", "jpg", "svg"], Meta(description="File format of the pictures.")
     ] = "png"
     regions: Annotated[
-        bool, Meta(description="Also dense regions per motion, along the edges of the picture.")
+        bool,
+        Meta(description="Also write dense regions per motion, aligned with image edges."),
     ] = False
-    video: Annotated[bool, Meta(description="Also motions.mp4, with trails.")] = False
+    video: Annotated[
+        bool, Meta(description="Also write motions.mp4, with trails behind the tracks.")
+    ] = False
     html: Annotated[bool, Meta(description="Write report.html.")] = True
 
 
 class Configuration(Section, frozen=True):
-    """All settings; each field of a section is one key, ``cluster.bandwidth`` for example."""
+    """All settings. Each field of a section is one key, for example ``cluster.bandwidth``."""
 
-    seed: Annotated[int, Meta(ge=0, description="Seed of every random number.")] = 0
+    seed: Annotated[int, Meta(ge=0, description="Seed of the random number generators.")] = 0
     input: InputSettings = InputSettings()
     camera: CameraSettings = CameraSettings()
     detect: DetectSettings = DetectSettings()
@@ -208,7 +256,7 @@ class Configuration(Section, frozen=True):
 
 
 class Key(Record, frozen=True):
-    """One setting: its dotted key, its type for msgspec, its default and its sentence."""
+    """One setting: its dotted key, its type for msgspec, its default and its description."""
 
     name: str
     type: Any
@@ -217,12 +265,12 @@ class Key(Record, frozen=True):
 
     @property
     def choices(self) -> str:
-        """What may be given, for people: ``auto|NUMBER``."""
+        """The accepted values, for help texts: ``auto|NUMBER``."""
         return "|".join(_choices(self.type))
 
     @property
     def expected(self) -> str:
-        """The same as a phrase with the range: ``auto|INTEGER (at least 1 and at most 8)``."""
+        """The accepted values and their range: ``auto|INTEGER (at least 1 and at most 8)``."""
         limits = " and ".join(_limits(self.type))
         return f"{self.choices} ({limits})" if limits else self.choices
 
@@ -242,7 +290,7 @@ def _choices(kind: Any) -> list[str]:
 
 
 def _limits(kind: Any) -> list[str]:
-    """The range of the numbers in a type, in words."""
+    """The range of the numbers in a type, as phrases."""
     words = {"gt": "more than", "ge": "at least", "lt": "less than", "le": "at most"}
     own = [
         f"{word} {getattr(meta, name):g}"
@@ -269,11 +317,14 @@ def _keys_of(section: type[Section], prefix: str) -> dict[str, Key]:
 
 
 KEYS: dict[str, Key] = _keys_of(Configuration, "")
-"""Every setting by its dotted key, in the order of config.yaml."""
+"""Every setting by its dotted key, in the order in which config.yaml lists them."""
 
 
 class Setting(Record, frozen=True):
-    """A value for one key, where it came from, and the error it is when it is wrong."""
+    """A value for one key, its origin, and the error to raise if the value is not valid.
+
+    ``origin`` opens the error message: a file with line and column, a flag, or a variable.
+    """
 
     key: str
     value: Any
@@ -282,7 +333,7 @@ class Setting(Record, frozen=True):
 
 
 def check_key(key: str, origin: str) -> None:
-    """Raises ConfigurationError, with the nearest key, for one that there is not."""
+    """Raises ConfigurationError for an unknown key and suggests the nearest known one."""
     if key in KEYS:
         return
     import difflib

@@ -1,31 +1,31 @@
-"""The commented config.yaml that `mssegment init` writes, made from the settings themselves."""
+"""The commented config.yaml that `mssegment init` writes, generated from the settings."""
 
 from __future__ import annotations
 
+import textwrap
 from typing import Any
 
 import yaml
 
 from mssegment.configuration.settings import KEYS
+from mssegment.registry import MODELS
 
 _HEADER = """\
-# Configuration of mssegment. `mssegment run config.yaml --out out` runs it.
-# Every key is here with its default; what you do not need may be deleted.
-# Paths are relative to this file.
+# Configuration of mssegment; run it with `mssegment run config.yaml --out out`.
+# All keys are listed with their defaults; delete the ones you do not need.
+# Relative paths are relative to this file.
 """
-
-_IMAGES = {
-    "factorization": ["frames/"],
-    "translation": ["1.png", "2.png"],
-}
 
 
 def template(model: str = "auto") -> str:
-    """The text of a configuration for ``model`` that may be edited and run."""
+    """The text of a configuration file for the motion model ``model``."""
     values: dict[str, Any] = {key: setting.default for key, setting in KEYS.items()}
     values["hypothesize.model"] = model
-    values["input.images"] = _IMAGES.get(model, ["1.png", "2.png"])
-    if model == "translation":
+    needs_camera, two_views = False, True
+    if model in MODELS:
+        needs_camera, two_views = MODELS[model].needs_camera, MODELS[model].accepts(2)
+    values["input.images"] = ["1.png", "2.png"] if two_views else ["frames/"]
+    if needs_camera:
         values["camera.file"] = "camera.yaml"
     lines = [_HEADER]
     current = ""
@@ -35,7 +35,10 @@ def template(model: str = "auto") -> str:
             lines.append(f"\n{section}:")
             current = section
         indent = "  " if section else ""
-        lines.append(f"{indent}# {setting.description} ({setting.choices})")
+        comment = f"{setting.description} ({setting.choices})"
+        lines += textwrap.wrap(
+            comment, 98, initial_indent=f"{indent}# ", subsequent_indent=f"{indent}# "
+        )
         lines.append(f"{indent}{name}: {_yaml(values[key])}")
     return "\n".join(lines) + "\n"
 

@@ -1,4 +1,4 @@
-"""Readers of the data sets and file formats that other people use; one file each, one registry."""
+"""Readers of public data sets and other file formats: one module per format and a registry."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from mssegment.errors import DataError
 DATASETS: dict[str, DataSet] = {
     entry.name: entry for entry in (HOPKINS155, ADELAIDERMF, KT3DMOSEG, CSV_TRACKS)
 }
-"""Every format that ``read`` knows, by name; a new one is a file with a DataSet and a line here."""
+"""The formats that ``read`` knows, by name. To add one, write a module and add its DataSet here."""
 
 __all__ = [
     "DATASETS",
@@ -36,10 +36,26 @@ __all__ = [
 
 
 def recognise(path: Path | str) -> DataSet:
-    """The format of a file, by its content; DataError where it is none that is known."""
+    """Determine the format of a file from its content.
+
+    Parameters
+    ----------
+    path : Path or str
+        A ``.mat`` file, or a table of comma-, semicolon- or tab-separated values.
+
+    Returns
+    -------
+    DataSet
+        The entry of ``DATASETS`` that can read the file.
+
+    Raises
+    ------
+    DataError
+        If the file cannot be read or has none of the known formats.
+    """
     path = Path(path)
     if path.is_dir():
-        raise DataError(f"{path}: this is a folder, a file of tracks was expected")
+        raise DataError(f"{path}: this is a folder; expected a file of tracks")
     if not path.exists():
         raise DataError(f"{path}: no such file; check the name")
     content: Variables
@@ -55,10 +71,28 @@ def recognise(path: Path | str) -> DataSet:
 
 
 def read(path: Path | str, dataset: str | None = None) -> ImportedTracks:
-    """Read a file of any known format (``dataset``: a name in DATASETS, else by its content)."""
+    """Read a file of tracks.
+
+    Parameters
+    ----------
+    path : Path or str
+        The file.
+    dataset : str, optional
+        A name in ``DATASETS``; by default the format is determined from the content.
+
+    Returns
+    -------
+    ImportedTracks
+        The tracks in pixels, with labels, camera and pictures if the file has them.
+
+    Raises
+    ------
+    DataError
+        If the file cannot be read, has an unknown format, or holds invalid values.
+    """
     path = Path(path)
     if dataset is None:
         return recognise(path).read(path)
     if dataset not in DATASETS:
-        raise DataError(f"unknown data set '{dataset}'; expected one of {', '.join(DATASETS)}")
+        raise DataError(f"unknown data set {dataset!r}; expected one of {', '.join(DATASETS)}")
     return DATASETS[dataset].read(path)

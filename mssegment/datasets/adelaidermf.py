@@ -45,23 +45,28 @@ _PLANES = frozenset(
 
 
 def group_of(name: str) -> str:
-    """``plane`` for the homography pairs that the data set's readme lists, else ``motion``."""
+    """``plane`` for the homography pairs listed in the data set's readme, otherwise ``motion``."""
     return "plane" if name.lower() in _PLANES else "motion"
 
 
 def recognises(variables: Variables) -> bool:
-    """Whether a Matlab file is a pair of AdelaideRMF."""
+    """Whether the variables of a Matlab file are those of an AdelaideRMF pair."""
     return {"data", "label"} <= set(variables)
 
 
 def read(path: Path) -> ImportedTracks:
-    """Read ``<pair>.mat``: matches as given (x1 y1 1 x2 y2 1, pixels), labels, both pictures."""
+    """Read ``<pair>.mat``: the matches (x1 y1 1 x2 y2 1, in pixels), labels and both pictures.
+
+    Raises DataError if a variable is missing or has invalid values.
+    """
     variables = load_matlab(path)
     matches = numbers(variables, "data", path, (6, None))
     if not np.isfinite(matches).all():
-        raise DataError(f"{path}: variable 'data' holds values that are not finite")
+        raise DataError(f"{path}: variable 'data' holds NaN or infinity; expected finite pixels")
     if (matches[[2, 5]] == 0).any():
-        raise DataError(f"{path}: variable 'data' has points at infinity (third coordinate 0)")
+        raise DataError(
+            f"{path}: variable 'data' has points at infinity (third coordinate 0); expected pixels"
+        )
     first, second = matches[:2] / matches[2], matches[3:5] / matches[5]
     points = np.stack([first.T, second.T], axis=1)
     check_points(points, str(path))
@@ -83,12 +88,11 @@ def read(path: Path) -> ImportedTracks:
 
 def _picture(variables: Variables, name: str, path: Path) -> npt.NDArray[np.uint8]:
     if name not in variables:
-        raise DataError(f"{path}: no variable '{name}'; expected both pictures, img1 and img2")
+        raise DataError(f"{path}: no variable '{name}'; expected the two images img1 and img2")
     picture = np.asarray(variables[name])
     if picture.dtype != np.uint8 or picture.ndim not in (2, 3) or not picture.size:
         raise DataError(
-            f"{path}: variable '{name}' is {picture.dtype} {picture.shape}; "
-            "expected an 8-bit picture"
+            f"{path}: variable '{name}' is {picture.dtype} {picture.shape}; expected an 8-bit image"
         )
     if picture.ndim == 2:
         picture = np.repeat(picture[:, :, None], 3, axis=2)

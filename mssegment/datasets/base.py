@@ -1,4 +1,4 @@
-"""What every reader of a data set returns, and the checks that all of them share."""
+"""The type that every reader returns, the type of a registry entry, and shared checks."""
 
 from __future__ import annotations
 
@@ -18,13 +18,24 @@ Variables = Mapping[str, Any]
 
 
 class ImportedTracks(Record, frozen=True):
-    """Tracks from a file that somebody else wrote.
+    """Tracks read from a file.
 
-    ``name`` is the sequence, ``group`` the part of the data set it belongs to (a fact of the data
-    set, never guessed from the points; empty where there is none). ``frames`` name the file itself
-    and the frame's number in it; where the file does not say how large its pictures are, the size
-    is the smallest that holds every point. ``pictures`` [h, w, 3] uint8 RGB are there where the
-    file holds them.
+    Attributes
+    ----------
+    name : str
+        The name of the sequence.
+    tracks : Tracks
+        The tracks [P, F, 2] in pixels, with true labels if the file has them.
+    frames : tuple of Frame
+        One per frame: the path of the file and the index of the frame in it. If the file does not
+        state the size of its images, it is the smallest that contains every point.
+    camera : Camera or None
+        The calibrated camera, if the file has one.
+    group : str
+        The part of the data set that the sequence belongs to, as defined by the data set and never
+        guessed from the points; empty if there is none.
+    pictures : tuple of ndarray [h, w, 3] of uint8
+        The images in RGB order, if the file contains them.
     """
 
     name: str
@@ -36,16 +47,28 @@ class ImportedTracks(Record, frozen=True):
 
     @property
     def motions(self) -> int:
-        """The true number of motions, 0 where there are no true labels."""
+        """The true number of motions; 0 if there are no true labels."""
         labels = self.tracks.labels
         return 0 if labels is None else len(np.unique(labels[labels > 0]))
 
 
 class DataSet(Record, frozen=True):
-    """One data set or file format: a name, how to know its files, how to read and list them.
+    """A data set or file format: how to recognize, read and list its files.
 
-    ``recognises`` looks at the variables of a Matlab file, or at the header fields of a CSV;
-    ``pattern`` is a glob below the folder of the whole set, empty for a plain file format.
+    Attributes
+    ----------
+    name : str
+        The name in ``DATASETS`` and on the command line.
+    title : str
+        The name in messages.
+    suffix : str
+        The suffix of its files, ``.mat`` or ``.csv``.
+    recognises : callable
+        Whether a file has this format, from its Matlab variables or its CSV columns.
+    read : callable
+        Reads a file and returns ``ImportedTracks``.
+    pattern : str
+        Glob pattern of the files below the folder of the data set; empty for a plain file format.
     """
 
     name: str
@@ -56,14 +79,17 @@ class DataSet(Record, frozen=True):
     pattern: str = ""
 
     def files(self, folder: Path) -> list[Path]:
-        """The files of the set below ``folder``, sorted by name; DataError where there are none."""
+        """The files of the data set below ``folder``, sorted by name.
+
+        Raises DataError if ``folder`` is not a folder or has no such files.
+        """
         if not folder.is_dir():
-            raise DataError(f"{folder}: not a folder; give the folder that holds {self.title}")
+            raise DataError(f"{folder}: not a folder; expected the folder that holds {self.title}")
         found = sorted(folder.glob(self.pattern), key=lambda path: path.name)
         if not found:
             raise DataError(
                 f"{folder}: no file of {self.title} ({self.pattern}) below it; "
-                "give the folder of the data set as published"
+                "expected the folder of the data set as published"
             )
         return found
 
@@ -71,20 +97,20 @@ class DataSet(Record, frozen=True):
 def frames_of_file(
     path: Path, indices: Iterable[int], width: int, height: int
 ) -> tuple[Frame, ...]:
-    """The frames with these numbers, which only exist inside the file ``path``."""
+    """The frames with these indices, which exist only inside the file ``path``."""
     return frames_inside(str(path), path.read_bytes(), indices, width, height)
 
 
 def frames_inside(
     name: str, content: bytes, indices: Iterable[int], width: int, height: int
 ) -> tuple[Frame, ...]:
-    """The frames with these numbers, which only exist inside ``content``, called ``name``."""
+    """The frames with these indices, which exist only inside ``content``, the file ``name``."""
     digest = hashlib.sha256(content).hexdigest()
     return tuple(Frame(name, width, height, digest, index) for index in indices)
 
 
 def size_that_holds(points: Floats) -> tuple[int, int]:
-    """Width and height of the smallest picture with every point [..., 2] in it."""
+    """Width and height of the smallest image, in pixels, that contains all points [..., 2]."""
     seen = points[np.isfinite(points).all(axis=-1)]
     if not len(seen):
         return 1, 1
@@ -98,14 +124,35 @@ def check_labels(
     where: str,
     expected: str = "0 (outlier) or a motion 1, 2, ...",
 ) -> Integers:
-    """Labels as int64 [tracks]; DataError unless they are whole numbers from 0 up."""
+    """Validate true labels.
+
+    Parameters
+    ----------
+    labels : array_like
+        One label per track, of any shape.
+    tracks : int
+        The number of tracks.
+    where : str
+        The file and variable, which opens the error message.
+    expected : str
+        The accepted values, for the error message.
+
+    Returns
+    -------
+    ndarray [tracks] of int64
+
+    Raises
+    ------
+    DataError
+        If the number of labels differs, or one is not a whole number of at least 0.
+    """
     flat = np.asarray(labels).ravel()
     if len(flat) != tracks:
         raise DataError(f"{where}: {len(flat)} labels for {tracks} tracks; expected one per track")
     try:
         numbers = flat.astype(np.float64)
     except (TypeError, ValueError) as error:
-        raise DataError(f"{where}: labels are not numbers; expected 0, 1, 2, ...") from error
+        raise DataError(f"{where}: the labels are not numbers; expected 0, 1, 2, ...") from error
     whole = np.isfinite(numbers) & (numbers == np.round(numbers)) & (numbers >= 0)
     if not whole.all():
         raise DataError(f"{where}: found {numbers[~whole][0]:g}; expected {expected}")
@@ -113,10 +160,16 @@ def check_labels(
 
 
 def check_points(points: Floats, where: str) -> None:
-    """DataError unless [P, F, 2] of pixels with at least one track and two frames."""
+    """Validate the tracks ``points`` [P, F, 2] in pixels; ``where`` opens the error message.
+
+    Raises DataError unless there are at least one track and two frames, and no coordinate exceeds
+    ``LARGEST_COORDINATE``.
+    """
     tracks, frames = points.shape[:2]
     if tracks < 1 or frames < 2:
-        raise DataError(f"{where}: {tracks} tracks in {frames} frames; expected at least 1 and 2")
+        raise DataError(
+            f"{where}: {tracks} tracks over {frames} frames; expected at least 1 track and 2 frames"
+        )
     wild = np.abs(np.nan_to_num(points, nan=0.0)) > LARGEST_COORDINATE
     if wild.any():
         track, frame, axis = np.argwhere(wild)[0]

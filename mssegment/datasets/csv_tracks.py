@@ -1,4 +1,8 @@
-"""Tracks as CSV: a match per line, or a sighting of a track per line; with or without labels."""
+"""Tracks as CSV: one match per line, or one observation of a track per line.
+
+The columns are ``x1,y1,x2,y2[,label]`` for matches between two frames, or
+``track,frame,x,y[,label]`` for tracks, all in pixels.
+"""
 
 from __future__ import annotations
 
@@ -26,7 +30,24 @@ _FORMATS = "x1,y1,x2,y2[,label] or track,frame,x,y[,label]"
 
 
 def read_table(path: Path) -> dict[str, Floats]:
-    """The columns of a CSV file of numbers, by the names in its first line."""
+    """Read a table of numbers.
+
+    Parameters
+    ----------
+    path : Path
+        A UTF-8 file whose first line names the columns. Fields are separated by commas, semicolons
+        (then a comma may be the decimal separator) or tabs.
+
+    Returns
+    -------
+    dict of str to ndarray [rows] of float64
+        The columns by name, in lower case.
+
+    Raises
+    ------
+    DataError
+        If the file cannot be read or a cell is not a finite number; with the line.
+    """
     return _columns(_text(_content_of(path), str(path)), str(path))
 
 
@@ -34,16 +55,16 @@ def _columns(text: str, path: str) -> dict[str, Floats]:
     rows = csv.reader(text.splitlines(), delimiter=(between := _delimiter(text)))
     lines = [(number, row) for number, row in enumerate(rows, 1) if any(map(str.strip, row))]
     if not lines:
-        raise DataError(f"{path}: empty; expected a header such as {_FORMATS}")
+        raise DataError(f"{path}: empty; expected a header line such as {_FORMATS}")
     header = [name.strip().lower() for name in lines[0][1]]
     if len(set(header)) != len(header):
-        raise DataError(f"{path}: line {lines[0][0]}: a column is named twice")
+        raise DataError(f"{path}: line {lines[0][0]}: two columns have the same name; rename one")
     values = np.empty((len(lines) - 1, len(header)))
     for position, (number, row) in enumerate(lines[1:]):
         if len(row) != len(header):
             raise DataError(f"{path}: line {number}: {len(row)} fields; expected {len(header)}")
         for column, cell in enumerate(row):
-            # where semicolons part the fields, a comma may be the decimal point
+            # with semicolons as separators, a comma may be the decimal separator
             own = cell.replace(",", ".") if between == ";" else cell
             values[position, column] = _number(own, path, number, header[column])
     return {name: values[:, column] for column, name in enumerate(header)}
@@ -53,9 +74,9 @@ def _content_of(path: Path) -> bytes:
     try:
         return path.read_bytes()
     except FileNotFoundError as error:
-        raise DataError(f"{path}: no such file") from error
+        raise DataError(f"{path}: no such file; check the name") from error
     except IsADirectoryError as error:
-        raise DataError(f"{path}: this is a folder, a CSV file was expected") from error
+        raise DataError(f"{path}: this is a folder; expected a CSV file") from error
     except OSError as error:
         raise DataError(f"{path}: cannot be read ({error.strerror})") from error
 
@@ -64,33 +85,54 @@ def _text(content: bytes, path: str) -> str:
     try:
         text = content.decode("utf-8-sig")
     except UnicodeDecodeError as error:
-        raise DataError(f"{path}: not text in UTF-8; expected a CSV such as {_FORMATS}") from error
+        raise DataError(f"{path}: not UTF-8 text; expected a CSV such as {_FORMATS}") from error
     if text.lstrip().startswith("{"):
         raise DataError(
-            f"{path}: JSON, expected a CSV such as {_FORMATS}; a tracks document needs no import, "
-            "give it to `mssegment hypothesize`"
+            f"{path}: found JSON; expected a CSV such as {_FORMATS}. A tracks document needs no "
+            "import: pass it to `mssegment hypothesize`"
         )
     return text
 
 
 def _delimiter(text: str) -> str:
-    """What parts the fields: the one of comma, semicolon and tab that the header has most of."""
+    """The separator: whichever of comma, semicolon and tab is most frequent in the header."""
     header = next((line for line in text.splitlines() if line.strip()), "")
     return max(",;\t", key=header.count)
 
 
 def recognises(columns: Variables) -> bool:
-    """Whether the named columns are a table of tracks."""
+    """Whether the columns are those of a table of tracks."""
     return set(MATCHES) <= set(columns) or set(SIGHTINGS) <= set(columns)
 
 
 def read(path: Path) -> ImportedTracks:
-    """Read a CSV of tracks, either format; frames are the distinct frame numbers in order."""
+    """Read a CSV of tracks in either format.
+
+    In the format with one observation per line the frames are the distinct frame numbers, in
+    order. Raises DataError as ``read_content`` does, or if the file cannot be read.
+    """
     return read_content(_content_of(path), str(path))
 
 
 def read_content(content: bytes, name: str) -> ImportedTracks:
-    """As ``read``, from the bytes of a CSV that has no file, such as standard input."""
+    """Read a CSV of tracks from its bytes, such as those of standard input.
+
+    Parameters
+    ----------
+    content : bytes
+        The CSV in UTF-8.
+    name : str
+        The name of the source in error messages and in the frames.
+
+    Returns
+    -------
+    ImportedTracks
+
+    Raises
+    ------
+    DataError
+        If a column is missing, a cell is not a finite number, or two lines contradict each other.
+    """
     columns = _columns(_text(content, name), name)
     if set(MATCHES) <= set(columns):
         points, labels = _read_matches(columns, name)
@@ -98,7 +140,7 @@ def read_content(content: bytes, name: str) -> ImportedTracks:
     elif set(SIGHTINGS) <= set(columns):
         points, labels, numbers = _read_sightings(columns, name)
     else:
-        raise DataError(f"{name}: columns {','.join(columns)}; expected {_FORMATS}")
+        raise DataError(f"{name}: found columns {','.join(columns)}; expected {_FORMATS}")
     check_points(points, name)
     frames = frames_inside(name, content, numbers, *size_that_holds(points))
     return ImportedTracks(Path(name).stem, Tracks(points, labels=labels), frames)
@@ -125,7 +167,7 @@ def _read_sightings(
     if pairs.shape[1] != len(row):
         twice = np.setdiff1d(np.arange(len(row)), first)[0]
         raise DataError(
-            f"{path}: track {keys['track'][twice]} is at two places in frame "
+            f"{path}: track {keys['track'][twice]} has two positions in frame "
             f"{keys['frame'][twice]}; expected one line per track and frame"
         )
     points = np.full((len(tracks), len(frames), 2), np.nan)

@@ -24,11 +24,25 @@ _ARTICULATED = ("arm", "articulated", "head", "kanatani3", "people", "two_cranes
 
 
 def group_of(name: str, motions: int) -> str:
-    """The group of the published tables: checkerboard, traffic or articulated, 2 or 3 motions.
+    """The group of a sequence in the published tables, for example ``checkerboard-2``.
 
-    The data set's own naming decides (its readme): names that spell the motions of two objects and
-    the camera, and ``three-cars``, are checkerboard; arms, heads and people are articulated; the
-    other names (cars, trucks, kanatani1 and 2) are traffic.
+    Parameters
+    ----------
+    name : str
+        The name of the sequence.
+    motions : int
+        The true number of motions.
+
+    Returns
+    -------
+    str
+        ``checkerboard``, ``traffic`` or ``articulated``, and the number of motions.
+
+    Notes
+    -----
+    The names follow the readme of the data set. Names that list the motions of two objects and the
+    camera, and ``three-cars``, are checkerboard sequences; arms, heads and people are articulated;
+    all other names (cars, trucks, kanatani1 and kanatani2) are traffic.
     """
     if _CHECKERBOARD.match(name):
         scene = "checkerboard"
@@ -40,21 +54,22 @@ def group_of(name: str, motions: int) -> str:
 
 
 def recognises(variables: Variables) -> bool:
-    """Whether a Matlab file is a sequence of Hopkins155."""
+    """Whether the variables of a Matlab file are those of a Hopkins155 sequence."""
     return {"y", "s", "width", "height"} <= set(variables)
 
 
 def read(path: Path) -> ImportedTracks:
     """Read ``<sequence>_truth.mat``.
 
-    The pixels ``y`` are taken as they are. ``K`` is no camera: it only maps pixels to [-1, 1].
-    A point whose homogeneous coordinate is 0 is not seen.
+    The tracks are the pixels ``y``. ``K`` is not used: it is not a calibration but only maps pixels
+    to [-1, 1]. A point whose homogeneous coordinate is 0 is not visible in that frame. Raises
+    DataError if a variable is missing or has invalid values.
     """
     variables = load_matlab(path)
     homogeneous = numbers(variables, "y", path, (3, None, None))
     seen = np.isfinite(homogeneous).all(axis=0) & (homogeneous[2] != 0)
     if np.isinf(homogeneous).any():
-        raise DataError(f"{path}: variable 'y' holds infinities; expected pixels")
+        raise DataError(f"{path}: variable 'y' holds infinity; expected pixels")
     pixels = np.full((*homogeneous.shape[1:], 2), np.nan)
     pixels[seen] = (homogeneous[:2, seen] / homogeneous[2, seen]).T
     check_points(pixels, str(path))

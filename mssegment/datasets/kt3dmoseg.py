@@ -1,4 +1,4 @@
-"""KT3DMoSeg (Xu, Cheong and Li, CVPR 2018): clips of KITTI, tracks that begin and end anywhere."""
+"""KT3DMoSeg (Xu, Cheong and Li, CVPR 2018): clips of KITTI with incomplete tracks."""
 
 from __future__ import annotations
 
@@ -24,23 +24,27 @@ _FIELDS = ("ySparse", "visibleSparse", "GtLabel")
 
 
 def recognises(variables: Variables) -> bool:
-    """Whether a Matlab file is a clip of KT3DMoSeg."""
+    """Whether the variables of a Matlab file are those of a KT3DMoSeg clip."""
     return set(_FIELDS) <= set(_fields(variables))
 
 
 def read(path: Path) -> ImportedTracks:
     """Read ``<clip>_Tracks.mat``: the sparse tracks, which are the labelled ones.
 
-    Pixels count from 0, as everywhere here: the tracks of this set reach from -0.5 to width - 0.5.
-    A track that is nowhere seen cannot be judged, its label becomes IGNORED.
+    Pixel centres are at whole numbers from 0: the coordinates of this data set range from -0.5 to
+    width - 0.5. A track that is visible in no frame gets the label IGNORED. Raises DataError if a
+    field is missing or has invalid values.
     """
     variables = _fields(load_matlab(path))
     if not set(_FIELDS) <= set(variables):
-        raise DataError(f"{path}: no struct 'Data' with the fields {', '.join(_FIELDS)}")
+        raise DataError(f"{path}: expected a struct 'Data' with the fields {', '.join(_FIELDS)}")
     homogeneous = numbers(variables, "ySparse", path, (3, None, None))
     visible = numbers(variables, "visibleSparse", path, homogeneous.shape[1:]) != 0
     if not np.isfinite(homogeneous[:, visible]).all():
-        raise DataError(f"{path}: field 'ySparse' holds values that are not finite where seen")
+        raise DataError(
+            f"{path}: field 'ySparse' holds NaN or infinity where 'visibleSparse' is not 0; "
+            "expected pixels"
+        )
     points = np.where(visible[..., None], np.moveaxis(homogeneous[:2], 0, -1), np.nan)
     check_points(points, str(path))
     labels = check_labels(variables["GtLabel"], len(points), f"{path}: field 'GtLabel'")
@@ -54,7 +58,7 @@ def read(path: Path) -> ImportedTracks:
 
 
 def _fields(variables: Variables) -> dict[str, Any]:
-    """The fields of the struct ``Data``, empty where the file has no such struct."""
+    """The fields of the struct ``Data``; empty if the file has no such struct."""
     struct = variables.get("Data")
     if not isinstance(struct, np.ndarray) or struct.dtype.names is None or struct.size != 1:
         return {}

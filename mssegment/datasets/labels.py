@@ -1,4 +1,4 @@
-"""Manual labels for tracks: from label masks, or from located points with a label."""
+"""Ground-truth labels of tracks, from label masks or from labelled points."""
 
 from __future__ import annotations
 
@@ -15,29 +15,43 @@ from mssegment.neighbours import nearest
 from mssegment.records import IGNORED, LARGEST_COORDINATE, OUTLIER, Floats, Integers
 
 MASK_IGNORE = 255
-"""The mask value of a place that nobody may be judged by."""
+"""Mask value of pixels that are excluded from the evaluation."""
 
 
 def labels_from_masks(points: Floats, masks: Mapping[int, npt.NDArray[np.integer]]) -> Integers:
-    """True labels [P] of the tracks [P, F, 2] from the label masks [h, w] of some frames.
+    """True labels of tracks from the label masks of some frames.
 
-    A mask says 0 for none, n for object n, 255 for "ignore". A track has label n when every
-    labelled frame that sees it says n; where frames disagree, or say none, it is a true outlier
-    (0). A frame that says "ignore", or in whose picture the track is not, does not vote; without
-    any vote the label is IGNORED.
+    Parameters
+    ----------
+    points : ndarray [P, F, 2] of float64
+        The tracks in pixels, NaN where a point is not visible.
+    masks : mapping of int to ndarray [h, w] of integers
+        Mask by frame index: 0 no object, n object n, 255 ignore.
+
+    Returns
+    -------
+    ndarray [P] of int64
+        n if all masks that have a label for the track agree on n; 0 (outlier) if they disagree or
+        agree on 0; IGNORED if there is none, because in every labelled frame the track is not
+        visible or its pixel is 255.
+
+    Raises
+    ------
+    DataError
+        If a mask belongs to no frame of the tracks or is not a single channel of integers.
     """
     lowest = np.full(len(points), np.iinfo(np.int64).max)
     highest = np.full(len(points), -1)
     for frame, mask in masks.items():
         if not 0 <= frame < points.shape[1]:
             raise DataError(
-                f"mask of frame {frame + 1}: the tracks have {points.shape[1]} frames; "
-                "name masks like the frames they label"
+                f"mask of frame {frame + 1}: the tracks have only {points.shape[1]} frames; "
+                "name each mask like the frame that it labels"
             )
         if mask.ndim != 2 or not np.issubdtype(mask.dtype, np.integer):
             raise DataError(
-                f"mask of frame {frame + 1}: {mask.dtype} {mask.shape}; expected one "
-                "channel of whole numbers (0 none, n object, 255 ignore)"
+                f"mask of frame {frame + 1}: found {mask.dtype} {mask.shape}; expected one "
+                "channel of whole numbers (0 no object, n object n, 255 ignore)"
             )
         place = np.round(np.nan_to_num(points[:, frame], nan=-1.0)).astype(int)
         height, width = mask.shape
@@ -54,15 +68,34 @@ def labels_from_masks(points: Floats, masks: Mapping[int, npt.NDArray[np.integer
 def labels_from_points(
     points: Floats, places: Floats, labels: Integers, radius: float = 3.0
 ) -> Integers:
-    """True labels [P] of tracks [P, F, 2] from labelled places [n, 2] or [n, 4], pixels.
+    """True labels of tracks from labelled points.
 
-    Places [n, 2] are positions in the first frame, [n, 4] in the first and the second. A track
-    takes the label of the nearest place if that is within ``radius`` in every one of these frames;
-    else it is IGNORED: nobody said anything about it.
+    Parameters
+    ----------
+    points : ndarray [P, F, 2] of float64
+        The tracks in pixels, NaN where a point is not visible.
+    places : ndarray [n, 2] or [n, 4] of float64
+        Labelled points in pixels: (x, y) in the first frame, or (x1, y1, x2, y2) in the first two.
+    labels : ndarray [n] of int64
+        Their labels: 0 outlier, n object n.
+    radius : float
+        Maximum distance in pixels, in each of these frames, between a track and its labelled point.
+
+    Returns
+    -------
+    ndarray [P] of int64
+        The label of the nearest labelled point, or IGNORED if it is farther away than ``radius``.
+
+    Raises
+    ------
+    DataError
+        If the labelled points have two frames but the tracks only one.
     """
     frames = places.shape[1] // 2
     if points.shape[1] < frames:
-        raise DataError("labelled matches name two frames, the tracks have one; label one frame")
+        raise DataError(
+            "the labelled matches have two frames, but the tracks only one; expected x,y,label"
+        )
     found = np.full(len(points), IGNORED, dtype=np.int64)
     seen = np.isfinite(points[:, :frames]).all(axis=(1, 2))
     if not len(places) or not seen.any():
@@ -75,7 +108,26 @@ def labels_from_points(
 
 
 def read_located_labels(path: Path) -> tuple[Floats, Integers]:
-    """Places [n, 2] (``x,y,label``, first frame) or [n, 4] (``x1,y1,x2,y2,label``) and labels."""
+    """Read labelled points from a CSV.
+
+    Parameters
+    ----------
+    path : Path
+        A CSV with the columns ``x,y,label`` (first frame) or ``x1,y1,x2,y2,label`` (first two
+        frames), in pixels.
+
+    Returns
+    -------
+    places : ndarray [n, 2] or [n, 4] of float64
+        The points in pixels.
+    labels : ndarray [n] of int64
+        Their labels.
+
+    Raises
+    ------
+    DataError
+        If the file cannot be read, a column is missing, or a value is not valid.
+    """
     columns = read_table(path)
     for names in (MATCHES, LOCATED[:2]):
         if set(names) <= set(columns) and "label" in columns:
@@ -83,11 +135,11 @@ def read_located_labels(path: Path) -> tuple[Floats, Integers]:
             wild = np.abs(places) > LARGEST_COORDINATE
             if wild.any():
                 raise DataError(
-                    f"{path}: a label is at {places[wild][0]:g}; "
-                    f"expected pixels, at most {LARGEST_COORDINATE:g}"
+                    f"{path}: a label is at {places[wild][0]:g}; expected pixels, at most "
+                    f"{LARGEST_COORDINATE:g}"
                 )
             return places, check_labels(columns["label"], len(places), f"{path}: column 'label'")
     raise DataError(
-        f"{path}: columns {','.join(columns)}; expected x,y,label (first frame) or "
+        f"{path}: found columns {','.join(columns)}; expected x,y,label (first frame) or "
         "x1,y1,x2,y2,label"
     )

@@ -1,4 +1,4 @@
-"""Matlab files as a mapping of variables, with errors that say what is wrong with the file."""
+"""Reading Matlab files, with errors that name the file and the variable."""
 
 from __future__ import annotations
 
@@ -16,8 +16,11 @@ from mssegment.records import Floats
 
 
 def load_matlab(path: Path) -> Variables:
-    """The variables of a Matlab file (version 4 to 7.2)."""
-    import scipy.io  # slow to load, and most commands read no Matlab file
+    """Read the variables of a Matlab file, versions 4 to 7.2.
+
+    Raises DataError if the file cannot be read, is damaged, or has version 7.3.
+    """
+    import scipy.io  # slow to import, and most commands read no Matlab file
 
     try:
         raw = path.read_bytes()
@@ -28,9 +31,9 @@ def load_matlab(path: Path) -> Variables:
         content: dict[str, Any] = scipy.io.loadmat(io.BytesIO(raw))
     except NotImplementedError as error:
         raise DataError(
-            f"{path}: a Matlab 7.3 file (HDF5); save it with -v7 and try again"
+            f"{path}: Matlab version 7.3 (HDF5) is not supported; save the file with -v7"
         ) from error
-    except Exception as error:  # scipy raises whatever its parser stumbles on
+    except Exception as error:  # scipy's parser raises many types of error
         raise DataError(
             f"{path}: not a readable Matlab file ({type(error).__name__}: {error}); "
             "expected the .mat file as published"
@@ -39,7 +42,7 @@ def load_matlab(path: Path) -> Variables:
 
 
 def _check_checksums(raw: bytes) -> None:
-    """Unpack every compressed element once: scipy's parser crashes the process on damaged ones."""
+    """Decompress every compressed element: scipy's parser crashes the process on damaged ones."""
     if raw[126:128] not in (b"IM", b"MI"):
         return
     order = "<" if raw[126:128] == b"IM" else ">"
@@ -52,26 +55,33 @@ def _check_checksums(raw: bytes) -> None:
 
 
 def numbers(variables: Variables, name: str, path: Path, shape: tuple[int | None, ...]) -> Floats:
-    """Variable ``name`` as float64; DataError unless it has ``shape`` (None: any length)."""
+    """Variable ``name`` as float64.
+
+    Raises DataError if it is missing, is not numeric, or does not have ``shape``, where None
+    matches any length.
+    """
     if name not in variables:
-        known = ", ".join(sorted(variables)) or "nothing"
-        raise DataError(f"{path}: no variable '{name}' (the file holds {known})")
+        known = ", ".join(sorted(variables)) or "none"
+        raise DataError(f"{path}: no variable '{name}'; the variables in the file are: {known}")
     try:
         values = np.asarray(variables[name], dtype=np.float64)
     except (TypeError, ValueError) as error:
-        raise DataError(f"{path}: variable '{name}' does not hold numbers") from error
+        raise DataError(f"{path}: variable '{name}' is not numeric; expected numbers") from error
     right = values.ndim == len(shape) and all(
         wanted is None or wanted == got for wanted, got in zip(shape, values.shape, strict=True)
     )
     if not right:
         expected = " x ".join("any" if length is None else str(length) for length in shape)
         found = " x ".join(str(length) for length in values.shape)
-        raise DataError(f"{path}: variable '{name}' is {found}; expected {expected}")
+        raise DataError(f"{path}: variable '{name}' has shape {found}; expected {expected}")
     return values
 
 
 def scalar(variables: Variables, name: str, path: Path) -> int:
-    """A positive whole number that Matlab keeps as a 1x1 matrix."""
+    """Variable ``name``, a 1x1 matrix that holds a positive whole number.
+
+    Raises DataError if it is missing or anything else.
+    """
     value = float(numbers(variables, name, path, (1, 1))[0, 0])
     if not np.isfinite(value) or value < 1 or value != round(value):
         raise DataError(f"{path}: variable '{name}' is {value:g}; expected a whole number above 0")

@@ -1,4 +1,4 @@
-"""The JSON documents between the stages: their types, and reading and writing them."""
+"""The JSON documents that the stages exchange: their types, and how to read and write them."""
 
 from __future__ import annotations
 
@@ -47,22 +47,39 @@ class _Head(msgspec.Struct):
 
 
 def encode(document: Document) -> bytes:
-    """The document as JSON, one line with a line feed at its end."""
+    """Serialize a document as JSON: one line, ending with a line feed."""
     return msgspec.json.encode(document, enc_hook=encode_array) + b"\n"
 
 
 def decode(content: bytes, kind: type[AnyDocument], name: str = "document") -> AnyDocument:
-    """The document of type ``kind`` in ``content``; ``name`` names it in messages.
+    """Parse and validate a document.
 
-    Raises DataError, in one line, where it is not JSON, another stage's document, of an unknown
-    schema, or not as the schema says.
+    Parameters
+    ----------
+    content : bytes
+        The JSON text.
+    kind : type
+        The expected type of document.
+    name : str
+        The name of the document in error messages, usually its path.
+
+    Returns
+    -------
+    Document
+        An instance of ``kind``.
+
+    Raises
+    ------
+    DataError
+        If the content is not JSON, has an unknown schema, is the document of another stage, or
+        violates its schema. The message is one line that starts with ``name``.
     """
     try:
         head = msgspec.json.decode(content, type=_Head)
     except msgspec.ValidationError as error:
         raise DataError(
-            f"{name}: not a document of mssegment ({readable(error)}); expected one that "
-            f"`mssegment {kind.made_by}` writes"
+            f"{name}: not an mssegment document ({readable(error)}); expected one written by "
+            f"`mssegment {kind.made_by}`"
         ) from None
     except msgspec.DecodeError as error:
         raise DataError(f"{name}: {_malformed(content, error)}") from None
@@ -74,12 +91,18 @@ def decode(content: bytes, kind: type[AnyDocument], name: str = "document") -> A
 
 
 def read_document(path: str, kind: type[AnyDocument]) -> AnyDocument:
-    """The document in the file, or on standard input for ``-``; raises DataError."""
+    """Read a document from a file, or from standard input if ``path`` is ``-``.
+
+    Raises DataError if it cannot be read, or for the reasons that ``decode`` lists.
+    """
     return decode(read_bytes(path), kind, "standard input" if path == STANDARD else path)
 
 
 def write_document(path: str, document: Document) -> None:
-    """Writes the document whole or not at all; ``-`` is standard output. Raises UsageError."""
+    """Write a document to a file, or to standard output if ``path`` is ``-``.
+
+    The file is replaced atomically. Raises UsageError if it cannot be written.
+    """
     write_bytes(path, encode(document))
 
 
@@ -89,7 +112,7 @@ def _malformed(content: bytes, error: msgspec.DecodeError) -> str:
             place = content.index(literal)
             return (
                 f"{literal.decode()} at byte {place} is not JSON; "
-                "write null for a position that is not seen"
+                "write null where the point is not visible in that frame"
             )
     return f"not JSON ({error})"
 
@@ -99,17 +122,17 @@ def _check_kind(schema: str, kind: type[Document], name: str) -> None:
         return
     if schema not in DOCUMENTS:
         known = ", ".join(DOCUMENTS)
-        raise DataError(f"{name}: unknown schema {schema!r}, this version reads {known}")
+        raise DataError(f"{name}: unknown schema {schema!r}; this version reads {known}")
     found = DOCUMENTS[schema]
     start, goal = _STAGES.index(found.made_by) + 1, _STAGES.index(kind.made_by) + 1
-    # the stages that still lie between the two, or the later document cannot be turned back
+    # name the stages in between; the document of a later stage cannot be turned back
     if start < goal:
         todo = " | ".join(f"mssegment {stage}" for stage in _STAGES[start:goal])
         raise DataError(
-            f"{name}: found the {found.kind} document, expected the {kind.kind} document; "
+            f"{name}: found a {found.kind} document; expected a {kind.kind} document: "
             f"run `{todo}` on it first"
         )
     raise DataError(
-        f"{name}: found the {found.kind} document, expected the {kind.kind} document; "
-        f"give the one that `mssegment {kind.made_by}` wrote"
+        f"{name}: found a {found.kind} document; expected a {kind.kind} document: "
+        f"use the one written by `mssegment {kind.made_by}`"
     )

@@ -1,8 +1,9 @@
 """Arrays in JSON: nested lists, or ``{"dtype": "<f8", "shape": [...], "base64": "..."}``.
 
-Every reader takes both; writers switch to base64 above ``LIST_LIMIT`` numbers, and for empty
-arrays with several axes. A position that is not seen is null in a list and NaN in base64; infinity
-is refused.
+Readers accept both forms. Writers use base64 above ``LIST_LIMIT`` numbers, and for empty arrays
+with several axes, whose shape nested lists cannot express. A missing number, such as a coordinate
+of a point that is not visible in a frame, is null in a list and NaN in base64. Infinity is an
+error.
 """
 
 from __future__ import annotations
@@ -31,12 +32,12 @@ class EncodedArray(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 def encode_array(value: object) -> object:
-    """``enc_hook`` of msgspec: what JSON can hold of a numpy array or number.
+    """The JSON form of a numpy array or number, as the ``enc_hook`` of msgspec.
 
-    Raises TypeError for anything else.
+    Raises TypeError for any other type.
     """
     if isinstance(value, np.ndarray):
-        # an empty list could not say its inner lengths
+        # nested lists cannot express the shape of an empty array
         if value.size <= LIST_LIMIT and (value.size or value.ndim == 1):
             return value.tolist()
         little = np.ascontiguousarray(value, dtype=value.dtype.newbyteorder("<"))
@@ -51,9 +52,24 @@ def encode_array(value: object) -> object:
 
 
 def decode_array(kind: Any, value: object) -> npt.NDArray[Any]:
-    """``dec_hook`` of msgspec: the array of the annotated type ``kind`` from either form.
+    """The array in ``value``, in either form, as the ``dec_hook`` of msgspec.
 
-    Raises ValueError, saying where inside the array, for anything that is not such an array.
+    Parameters
+    ----------
+    kind : type
+        The annotated array type, ``Floats`` or ``Integers``.
+    value : list or dict
+        Nested lists, or the fields of an ``EncodedArray``.
+
+    Returns
+    -------
+    ndarray
+        float64 or int64.
+
+    Raises
+    ------
+    ValueError
+        If ``value`` is not such an array, with the position inside it.
     """
     try:
         return _decode(kind, value)
@@ -92,7 +108,7 @@ def _from_list(value: list[Any], dtype: np.dtype[Any]) -> npt.NDArray[Any]:
 
 
 def _depth(value: object) -> int:
-    """How deep lists are nested along the first elements that say it."""
+    """The nesting depth of a list, along the first element that is not empty at each level."""
     depth = 0
     while isinstance(value, list):
         depth += 1
@@ -101,7 +117,7 @@ def _depth(value: object) -> int:
 
 
 def _ragged(value: list[Any], where: str = "$") -> str:
-    """What is wrong with a nested list whose rows differ in length; empty when nothing is."""
+    """An error message for nested lists whose rows differ in length; empty if they do not."""
     if not value or not isinstance(value[0], list):
         return ""
     for i, row in enumerate(value):
@@ -126,7 +142,7 @@ def _from_base64(encoded: EncodedArray, dtype: np.dtype[Any]) -> npt.NDArray[Any
 
 
 def readable(error: msgspec.ValidationError) -> str:
-    """The message of msgspec in the words of our documents, with one path to the place.
+    """The message of a validation error with a single path to the value.
 
     "Expected `float`, got `str` - at `$[3][0]` - at `$.points`" becomes
     "expected float, got str at $.points[3][0]".

@@ -1,4 +1,4 @@
-"""Files that are written whole or not at all, and standard input and output by the name ``-``."""
+"""Reading files and writing them atomically; ``-`` is standard input or standard output."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ STANDARD = "-"
 
 
 def read_bytes(path: str) -> bytes:
-    """The bytes of the file, or of standard input for ``-``.
+    """Read the bytes of a file, or of standard input if ``path`` is ``-``.
 
-    Raises DataError where the file is missing, a folder, empty, or cannot be read.
+    Raises DataError if the file does not exist, is a folder, is empty, or cannot be read.
     """
     if path == STANDARD:
         content, name = sys.stdin.buffer.read(), "standard input"
@@ -25,27 +25,37 @@ def read_bytes(path: str) -> bytes:
         except FileNotFoundError:
             raise DataError(f"{path}: no such file; check the name") from None
         except IsADirectoryError:
-            raise DataError(f"{path}: this is a folder, a file was expected") from None
+            raise DataError(f"{path}: this is a folder; expected a file") from None
         except OSError as error:
             raise DataError(f"{path}: cannot be read ({error.strerror})") from None
     if not content.strip():
-        hint = "; did the stage before it fail?" if path == STANDARD else ""
-        raise DataError(f"{name}: empty, a document was expected{hint}")
+        hint = "; did the previous stage fail?" if path == STANDARD else ""
+        raise DataError(f"{name}: empty; expected a document{hint}")
     return content
 
 
 def write_bytes(path: str, content: bytes) -> None:
-    """Writes the file whole or not at all: a temporary file beside it, fsync, rename.
+    """Write a file atomically: into a temporary file beside it, then fsync and rename.
 
-    ``-`` is standard output. A link is followed, and what is no plain file (a device, a named
-    pipe) is written into, never replaced. Raises UsageError where it cannot be written.
+    Parameters
+    ----------
+    path : str
+        The file; ``-`` is standard output. A symbolic link is followed. A device or named pipe
+        is written to, never replaced.
+    content : bytes
+        What to write.
+
+    Raises
+    ------
+    UsageError
+        If the path is a folder or cannot be written; an existing file is then unchanged.
     """
     if path == STANDARD:
         _write_standard(content)
         return
     target = Path(os.path.realpath(path))
     if target.is_dir():
-        raise UsageError(f"{path}: this is a folder, a file was expected; name a file in it")
+        raise UsageError(f"{path}: this is a folder; expected a file, such as one inside it")
     if target.exists() and not target.is_file():
         _write_into(path, content)
         return
@@ -75,7 +85,7 @@ def _write_standard(content: bytes) -> None:
     except BrokenPipeError:
         raise
     except OSError as error:
-        # what is still in the buffer would fail once more when the interpreter ends
+        # flushing the rest of the buffer would fail again when the interpreter exits
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         raise _cannot_write("standard output", error) from None
 
@@ -91,4 +101,4 @@ def _write_into(path: str, content: bytes) -> None:
 
 
 def _cannot_write(path: str, error: OSError) -> UsageError:
-    return UsageError(f"{path}: cannot be written ({error.strerror}); choose another place")
+    return UsageError(f"{path}: cannot be written ({error.strerror}); choose another path")

@@ -1,8 +1,8 @@
-"""The documents between the stages, one msgspec type each.
+"""The documents that the stages exchange, one msgspec type each.
 
-Every document names its ``schema``, carries the frames (path as given, size, SHA-256), all that
-the later stages need, and its ``history``; no times, threads or output folders, so that the same
-input and seed give the same bytes.
+Every document has its ``schema``, the frames (path as given, size, SHA-256), everything that the
+later stages need, and its ``history``. It has no times, thread counts or output folders, so that
+the same input and seed give the same bytes.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ from mssegment.records import (
 
 
 class HistoryEntry(Record, frozen=True):
-    """One stage that worked on the document, with the settings that change its result."""
+    """One stage of the processing: its version, the settings that affect it, and its notes."""
 
     stage: str
     version: str
@@ -51,10 +51,10 @@ class HistoryEntry(Record, frozen=True):
 
 
 class Document(msgspec.Struct, kw_only=True, frozen=True, tag_field="schema"):
-    """What all documents share."""
+    """The fields that all documents have in common."""
 
     kind: ClassVar[str]
-    """The stage's noun: corners, tracks, hypotheses, segmentation."""
+    """The name of the document: corners, tracks, hypotheses or segmentation."""
     made_by: ClassVar[str]
     """The command that writes this document."""
 
@@ -63,14 +63,14 @@ class Document(msgspec.Struct, kw_only=True, frozen=True, tag_field="schema"):
     history: list[HistoryEntry] = []
 
     def __post_init__(self) -> None:
-        """Raises ValueError for frames without a size, or a camera that is none."""
+        """Raises ValueError for frames without a valid size, or an impossible camera."""
         check_frames(self.frames)
         if self.camera is not None:
             check_camera(self.camera)
 
 
 class CornersDocument(Document, frozen=True, tag="mssegment/corners/1"):
-    """What ``detect`` writes: the corners of each frame."""
+    """The document that ``detect`` writes: the corners of each frame."""
 
     kind: ClassVar[str] = "corners"
     made_by: ClassVar[str] = "detect"
@@ -78,24 +78,29 @@ class CornersDocument(Document, frozen=True, tag="mssegment/corners/1"):
     corners: list[Corners]
 
     def __post_init__(self) -> None:
-        """Raises ValueError where the arrays do not fit the frames or one another."""
+        """Raises ValueError if the arrays do not match the frames or each other."""
         super().__post_init__()
         if len(self.corners) != len(self.frames):
-            raise ValueError(f"{len(self.corners)} lists of corners for {len(self.frames)} frames")
+            raise ValueError(
+                f"corners has {len(self.corners)} entries for {len(self.frames)} frames; expected "
+                "one per frame"
+            )
         for i, corners in enumerate(self.corners):
             check_shape(corners.points, (None, 2), f"corners[{i}].points")
             count = (len(corners.points),)
             check_shape(corners.responses, count, f"corners[{i}].responses")
             check_shape(corners.scales, count, f"corners[{i}].scales")
             if not np.isfinite(corners.points).all():
-                raise ValueError(f"corners[{i}].points holds null, a corner needs both numbers")
+                raise ValueError(f"corners[{i}].points holds null; expected [x, y] in pixels")
             check_reach(corners.points, f"corners[{i}].points")
-            if not (np.isfinite(corners.responses).all() and (corners.scales > 0).all()):
-                raise ValueError(f"corners[{i}] has a response that is null, or a scale below 0")
+            if not np.isfinite(corners.responses).all():
+                raise ValueError(f"corners[{i}].responses holds null; expected numbers")
+            if not (corners.scales > 0).all():
+                raise ValueError(f"corners[{i}].scales must be above 0, without null")
 
 
 class TracksDocument(Document, frozen=True, tag="mssegment/tracks/1"):
-    """What ``match`` and ``import`` write: tracks, and their true labels where they are known."""
+    """The document that ``match`` and ``import`` write: tracks, with true labels if known."""
 
     kind: ClassVar[str] = "tracks"
     made_by: ClassVar[str] = "match"
@@ -103,16 +108,16 @@ class TracksDocument(Document, frozen=True, tag="mssegment/tracks/1"):
     tracks: Tracks
 
     def __post_init__(self) -> None:
-        """Raises ValueError where the arrays do not fit the frames or one another."""
+        """Raises ValueError if the arrays do not match the frames or each other."""
         super().__post_init__()
         check_tracks(self.tracks, len(self.frames))
 
 
 class HypothesesDocument(Document, frozen=True, tag="mssegment/hypotheses/2"):
-    """What ``hypothesize`` writes: sets of points on manifolds, made from the tracks.
+    """The document that ``hypothesize`` writes: sets of hypotheses, points on manifolds.
 
-    ``status`` [P] is 0 for a track that is to be segmented, else the label it keeps (-1
-    background, -2 not judged). ``strategy`` and ``partition`` say how ``cluster`` turns the
+    ``status`` [P] is 0 for a track that is to be segmented, otherwise the label that it keeps: -1
+    background, -2 not judged. ``strategy`` and ``partition`` say how ``cluster`` turns the
     hypotheses into motions; see :class:`mssegment.records.Hypotheses`.
     """
 
@@ -131,7 +136,7 @@ class HypothesesDocument(Document, frozen=True, tag="mssegment/hypotheses/2"):
         return Hypotheses(self.strategy, tuple(self.sets), self.partition)
 
     def __post_init__(self) -> None:
-        """Raises ValueError where the arrays do not fit the frames or one another."""
+        """Raises ValueError if the arrays do not match the frames or each other."""
         super().__post_init__()
         check_tracks(self.tracks, len(self.frames))
         check_status(self.status, self.tracks)
@@ -141,9 +146,30 @@ class HypothesesDocument(Document, frozen=True, tag="mssegment/hypotheses/2"):
 
 
 class SegmentationDocument(Document, frozen=True, tag="mssegment/segmentation/2"):
-    """What ``cluster`` writes: modes, motions, and one label per track.
+    """The document that ``cluster`` writes: modes, motions, and one label per track.
 
-    ``labels`` [P]: 1..m motions, 0 outlier, -1 background, -2 not judged.
+    Attributes
+    ----------
+    strategy : {"modes", "mixture", "consensus"}
+        How the motions were found.
+    labels : ndarray [P] of int64
+        1..m for a motion, 0 outlier, -1 background, -2 not judged.
+    motions : tuple of Motion
+        The motions, label 1 first.
+    modes : tuple of Mode
+        The modes of the hypotheses, strongest first.
+    bandwidths : tuple of float
+        The bandwidth of each set, in the distance of its manifold.
+    notes : tuple of str
+        Notes of this stage for the user.
+    residuals : ndarray [m, P] of float64
+        Residual of each track from each motion, in pixels; NaN where there is none.
+    assignments : tuple of ndarray of int64
+        For each set, the index of the mode that each hypothesis converges to; -1 for none.
+    tracks : Tracks
+        The tracks [P, F, 2].
+    sets : list of HypothesisSet
+        The sets of hypotheses.
     """
 
     kind: ClassVar[str] = "segmentation"
@@ -162,7 +188,7 @@ class SegmentationDocument(Document, frozen=True, tag="mssegment/segmentation/2"
 
     @property
     def segmentation(self) -> Segmentation:
-        """The same as one record."""
+        """The segmentation as one record."""
         return Segmentation(
             labels=self.labels,
             modes=self.modes,
@@ -174,14 +200,17 @@ class SegmentationDocument(Document, frozen=True, tag="mssegment/segmentation/2"
         )
 
     def __post_init__(self) -> None:
-        """Raises ValueError where the arrays do not fit the frames or one another."""
+        """Raises ValueError if the arrays do not match the frames or each other."""
         super().__post_init__()
         check_tracks(self.tracks, len(self.frames))
         check_sets(self.sets, self.tracks, len(self.frames))
         count = len(self.tracks.points)
         check_shape(self.labels, (count,), "labels")
         if len(self.labels) and (self.labels.max() > len(self.motions) or self.labels.min() < -2):
-            raise ValueError(f"labels go from -2 to {len(self.motions)}, the number of motions")
+            raise ValueError(
+                f"labels range from {self.labels.min()} to {self.labels.max()}; expected -2 to "
+                f"{len(self.motions)}, the number of motions"
+            )
         if len(self.motions):
             check_shape(self.residuals, (len(self.motions), count), "residuals")
         check_motions(self.motions, count, len(self.sets))

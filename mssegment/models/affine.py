@@ -22,7 +22,7 @@ class Affine(MotionModel):
     """x2 = A x1 + b; an elemental subset is three matches, the residual is the transfer error."""
 
     name: ClassVar[str] = "affine"
-    purpose: ClassVar[str] = "objects that move and turn"
+    purpose: ClassVar[str] = "objects that translate, rotate and change size"
     in_auto: ClassVar[bool] = True
     is_local: ClassVar[bool] = True
 

@@ -24,7 +24,7 @@ class Factorization(MotionModel):
     """
 
     name: ClassVar[str] = "factorization"
-    purpose: ClassVar[str] = "clips, tracks of your own tracker"
+    purpose: ClassVar[str] = "sequences, tracks of your own tracker"
     in_auto: ClassVar[bool] = True
     has_ranks: ClassVar[bool] = True
     leaves_parallax_free: ClassVar[bool] = True

@@ -29,7 +29,7 @@ class Homography(MotionModel):
     """x2 ~ H x1; an elemental subset is four matches, the residual the transfer error."""
 
     name: ClassVar[str] = "homography"
-    purpose: ClassVar[str] = "planes, buildings"
+    purpose: ClassVar[str] = "planes, such as facades"
     in_auto: ClassVar[bool] = True
     planar_under_perspective: ClassVar[bool] = True
     is_local: ClassVar[bool] = True

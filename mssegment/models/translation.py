@@ -39,7 +39,7 @@ class Translation(MotionModel):
     """
 
     name: ClassVar[str] = "translation"
-    purpose: ClassVar[str] = "a camera and bodies that translate"
+    purpose: ClassVar[str] = "a camera and rigid objects that translate"
     needs_camera: ClassVar[bool] = True
     assumes_no_rotation: ClassVar[bool] = True
     leaves_parallax_free: ClassVar[bool] = True
