@@ -16,7 +16,7 @@ import numpy as np
 from benchmarks.scenes import CAMERA, SETUPS, Scene, SetUp, generate, oracle
 from mssegment import models
 from mssegment.evaluation import match_labels, misclassification, residual_errors
-from mssegment.records import Hypotheses, HypothesisSet, Segmentation
+from mssegment.records import ClusterResult, Hypotheses, HypothesisSet
 from mssegment.sampling.elemental_subsets import hypothesize
 from mssegment.segmentation import SELECTIONS, SegmentOptions, cluster
 from mssegment.segmentation.options import Granularity
@@ -65,7 +65,7 @@ def run_scene(setup: SetUp, seed: int, selection: str, granularity: Granularity)
 
 
 def residual_ratios(
-    scene: Scene, hypotheses: HypothesisSet, found: Segmentation
+    scene: Scene, hypotheses: HypothesisSet, found: ClusterResult
 ) -> tuple[float, ...]:
     """res / res-hat of every found motion that has a true partner, over its true inliers."""
     model = models.make(hypotheses.model, frames=scene.points.shape[1])

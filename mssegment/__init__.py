@@ -3,25 +3,60 @@
 Motion hypotheses are points on a manifold; mean shift finds the modes of their density; each
 dominant mode is a motion and its inliers are its segment (Subbarao & Meer, "Nonlinear Mean Shift
 for Clustering over Analytic Manifolds", CVPR 2006).
+
+Start with :func:`segment_pictures` for images and videos, :func:`segment_tracks` for tracks of your
+own, :class:`MeanShift` for points on a manifold (``mssegment.manifolds``).
 """
 
 from __future__ import annotations
 
+import importlib
 from typing import TYPE_CHECKING, Any
 
-from mssegment.version import __version__
+from mssegment.version import __version__ as __version__
 
 if TYPE_CHECKING:
-    from mssegment.api import segment_pictures, segment_tracks
-    from mssegment.records import Camera
+    from mssegment.api import segment_pictures as segment_pictures
+    from mssegment.api import segment_tracks as segment_tracks
+    from mssegment.errors import ConfigurationError as ConfigurationError
+    from mssegment.errors import DataError as DataError
+    from mssegment.errors import MssegmentError as MssegmentError
+    from mssegment.errors import UsageError as UsageError
+    from mssegment.meanshift import MeanShift as MeanShift
+    from mssegment.pipeline import Segmentation as Segmentation
+    from mssegment.records import Camera as Camera
+    from mssegment.records import Frame as Frame
+    from mssegment.records import Mode as Mode
+    from mssegment.records import Motion as Motion
 
-__all__ = ["Camera", "__version__", "segment_pictures", "segment_tracks"]
+_MODULES = {
+    "Camera": "records",
+    "ConfigurationError": "errors",
+    "DataError": "errors",
+    "Frame": "records",
+    "MeanShift": "meanshift",
+    "Mode": "records",
+    "Motion": "records",
+    "MssegmentError": "errors",
+    "Segmentation": "pipeline",
+    "UsageError": "errors",
+    "segment_pictures": "api",
+    "segment_tracks": "api",
+}
+"""Where each public name is defined; nothing is imported before it is asked for."""
+
+__all__ = ["__version__", *_MODULES]
 
 
 def __getattr__(name: str) -> Any:
-    """Loads the library when it is asked for: the command line starts without it."""
-    if name not in __all__:
+    """Import a public name when it is used: the command line starts without most of them."""
+    if name not in _MODULES:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    from mssegment import api
+    value = getattr(importlib.import_module(f"{__name__}.{_MODULES[name]}"), name)
+    globals()[name] = value
+    return value
 
-    return getattr(api, name)
+
+def __dir__() -> list[str]:
+    """The public names, also those that are not imported yet."""
+    return sorted({*globals(), *__all__})

@@ -1,4 +1,4 @@
-"""The way in from Python: pictures or tracks go in, motions come out, no file in between."""
+"""The Python interface: images or tracks in, motions out, without files in between."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from mssegment.configuration import Configuration, Setting, from_mapping, resolv
 from mssegment.datasets.base import check_points, size_that_holds
 from mssegment.documents import TracksDocument
 from mssegment.errors import UsageError
-from mssegment.pipeline import Result
+from mssegment.pipeline import Segmentation
 from mssegment.records import Camera, Frame, Tracks
 
 Picture = str | os.PathLike[str] | npt.NDArray[np.uint8] | npt.NDArray[np.uint16]
-"""A file, a folder, a glob, a video; or an array [height, width], or with red first [h, w, 3]."""
+"""A file, a folder, a glob pattern, a video; or an array, see :func:`segment_pictures`."""
 Settings = Mapping[str, Any]
 """Values by dotted key, as in ``{"hypothesize.model": "homography", "segment.motions": 2}``."""
 
@@ -29,16 +29,44 @@ def segment_pictures(
     *,
     camera: Camera | None = None,
     threads: int = 1,
-) -> Result:
-    """Finds the motions between the ``pictures``, two views or the frames of a sequence.
+) -> Segmentation:
+    """Find the motions between two images, or in the frames of a sequence.
 
-    They are files, folders, globs or videos, or else arrays of one size. ``settings`` are those of
-    the configuration; the environment is not looked at. ``camera`` is what ``translation`` needs.
+    Parameters
+    ----------
+    pictures
+        Files, folders, glob patterns or videos; or arrays of one size, uint8 or uint16,
+        [height, width] or, red first, [height, width, 3].
+    settings
+        Values by key, as in ``config.yaml``; environment variables are ignored.
+    camera
+        The calibration, for models that need one.
+    threads
+        Of mean shift; the result does not depend on them.
 
-    The result has the matches ``points`` [P, F, 2] in pixels, ``labels`` [P] (1, 2, ... motions, 0
-    outliers, -1 background, -2 not judged) and ``motions``, beside the documents of all stages.
-    Raises ConfigurationError for a wrong setting, UsageError for arrays that are no pictures,
-    DataError for files that are none, or that show too little.
+    Returns
+    -------
+    Segmentation
+        With the matches ``points`` [P, F, 2] in pixels, one of ``labels`` [P] for each (1, 2, ...
+        motions, 0 outliers, -1 background, -2 not judged), the ``motions``, and the documents of
+        all stages.
+
+    Raises
+    ------
+    ConfigurationError
+        For a wrong setting.
+    UsageError
+        For arrays that are not images.
+    DataError
+        For files that are not images, or images without enough matches.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> texture = np.random.default_rng(0).integers(0, 255, (120, 160), dtype=np.uint8)
+    >>> found = segment_pictures([texture, texture])
+    >>> len(found.motions), set(found.labels.tolist())
+    (0, {-1})
     """
     given = _listed(pictures)
     arrays = [picture for picture in given if isinstance(picture, np.ndarray)]
@@ -47,9 +75,9 @@ def segment_pictures(
         images = [Setting("input.images", names, "pictures")]
         return pipeline.run(_configuration(settings, camera, images), threads=threads)
     if len(arrays) < len(given):
-        raise UsageError("pictures: files and arrays together; give either")
+        raise UsageError("pictures: found files and arrays; expected one kind")
     if len(arrays) < 2:
-        raise UsageError(f"pictures: {len(arrays)} of them, two or more were expected")
+        raise UsageError(f"pictures: found {len(arrays)} image; expected two or more")
     from mssegment.imaging.frames import frames_in_memory
 
     frames = [_frame(index, array) for index, array in enumerate(arrays)]
@@ -65,15 +93,45 @@ def segment_tracks(
     frame_size: tuple[int, int] | None = None,
     camera: Camera | None = None,
     threads: int = 1,
-) -> Result:
-    """Finds the motions among tracks of your own, ``points`` [P, F, 2] in pixels.
+) -> Segmentation:
+    """Find the motions of tracks from a tracker of your own.
 
-    A track is NaN where it is not seen. ``frame_size`` is (width, height), by default the smallest
-    that holds every point. Else as ``segment_pictures``.
+    Parameters
+    ----------
+    points
+        [P, F, 2] in pixels, NaN where a track is not visible.
+    settings, camera, threads
+        As for :func:`segment_pictures`.
+    frame_size
+        Width and height of the frames in pixels; by default the smallest that hold all points.
+
+    Returns
+    -------
+    Segmentation
+        As for :func:`segment_pictures`.
+
+    Raises
+    ------
+    ConfigurationError
+        For a wrong setting.
+    UsageError
+        For an array of another shape.
+    DataError
+        For tracks that cannot be segmented, such as too few.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> rng = np.random.default_rng(0)
+    >>> first = rng.uniform(0, 480, (80, 2))
+    >>> second = np.where(np.arange(80)[:, None] < 40, first + [12, 3], 1.1 * first - [20, 40])
+    >>> found = segment_tracks(np.stack([first, second], axis=1), {"hypothesize.model": "affine"})
+    >>> [len(motion.inliers) for motion in found.motions]
+    [40, 40]
     """
     places = np.asarray(points, dtype=np.float64)
     if places.ndim != 3 or places.shape[2] != 2:
-        raise UsageError(f"points: shape {places.shape}, [tracks, frames, 2] was expected")
+        raise UsageError(f"points: shape is {places.shape}; expected [tracks, frames, 2]")
     check_points(places, "points")
     width, height = frame_size or size_that_holds(places)
     frames = [Frame("", width, height, index=index) for index in range(places.shape[1])]
@@ -102,7 +160,7 @@ def _frame(index: int, picture: npt.NDArray[Any]) -> Frame:
     colours = shape[2:] in ((), (3,))
     if len(shape) not in (2, 3) or not colours or 0 in shape or kind not in (np.uint8, np.uint16):
         raise UsageError(
-            f"pictures[{index}]: {kind} of shape {shape}, uint8 or uint16 of "
-            "[height, width] or [height, width, 3] was expected"
+            f"pictures[{index}]: {kind} of shape {shape}; expected uint8 or uint16 of shape "
+            "[height, width] or [height, width, 3]"
         )
     return Frame(f"pictures[{index}]", shape[1], shape[0])

@@ -27,16 +27,16 @@ from mssegment.history import entry_of
 from mssegment.records import (
     OUTLIER,
     Camera,
+    ClusterResult,
     Floats,
     Frame,
     Hypotheses,
     Integers,
     Motion,
     Record,
-    Segmentation,
     Strategy,
 )
-from mssegment.resources import Timings, keep_freed_memory
+from mssegment.resources import Timings
 
 if TYPE_CHECKING:
     from mssegment.imaging.frames import FrameSource
@@ -49,9 +49,6 @@ NOTHING_SHARED = (
 )
 """What hypothesize says of tracks that are only mismatches, or not of the model asked for."""
 _STREAMS = {"match": 1, "hypothesize": 2, "cluster": 3}
-
-
-keep_freed_memory()
 
 
 def _random(stage: str, configuration: Configuration) -> np.random.Generator:
@@ -233,7 +230,7 @@ def _segment_options(configuration: Configuration, threads: int) -> SegmentOptio
 
 
 def _segmentation(
-    document: HypothesesDocument, found: Segmentation, configuration: Configuration
+    document: HypothesesDocument, found: ClusterResult, configuration: Configuration
 ) -> SegmentationDocument:
     return SegmentationDocument(
         frames=document.frames,
@@ -252,10 +249,22 @@ def _segmentation(
     )
 
 
-class Result(Record, frozen=True):
-    """All documents of one run; ``corners`` is None where tracks were given."""
+class Segmentation(Record, frozen=True):
+    """The outcome of a whole run: labels and motions, and the documents of all stages.
 
-    source: FrameSource | None
+    Attributes
+    ----------
+    source
+        The frames (``imaging.frames.FrameSource``), None where tracks were given.
+    corners
+        None where tracks were given.
+    tracks, hypotheses, segmentation
+        The documents of the stages.
+    timings
+        Seconds and peak memory of the stages.
+    """
+
+    source: Any
     corners: CornersDocument | None
     tracks: TracksDocument
     hypotheses: HypothesesDocument
@@ -264,12 +273,12 @@ class Result(Record, frozen=True):
 
     @property
     def points(self) -> Floats:
-        """The tracks [P, F, 2], pixels, NaN where not seen."""
+        """The tracks [P, F, 2] in pixels, NaN where a point is not visible."""
         return self.tracks.tracks.points
 
     @property
     def labels(self) -> Integers:
-        """The label of each track [P]: a motion 1, 2, ..., or one of those in ``records``."""
+        """The label of each track [P]: 1, 2, ... motions, 0 outlier, -1 background, -2 not judged."""
         return self.segmentation.labels
 
     @property
@@ -286,7 +295,7 @@ def run(
     on_stage: Callable[[str, Document | None, Timings], None] = lambda name, document, timings: (
         None
     ),
-) -> Result:
+) -> Segmentation:
     """All stages in memory, from ``tracks``, from pictures in ``source``, or ``input.images``.
 
     ``on_stage(name, None, ...)`` is called before a stage, ``on_stage(name, document, ...)`` after
@@ -315,7 +324,7 @@ def run(
     given = tracks
     hypotheses = timed("hypothesize", lambda: hypothesize(given, configuration))
     segmentation = timed("cluster", lambda: cluster(hypotheses, configuration, threads))
-    return Result(source, corners, tracks, hypotheses, segmentation, timings)
+    return Segmentation(source, corners, tracks, hypotheses, segmentation, timings)
 
 
 def straight(points: Floats, camera: Camera | None) -> Floats:

@@ -265,7 +265,7 @@ class Motion(Record, frozen=True):
     cost_saved: float | None = None
 
 
-class Segmentation(Record, frozen=True):
+class ClusterResult(Record, frozen=True):
     """The result of ``cluster``.
 
     Attributes

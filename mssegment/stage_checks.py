@@ -14,9 +14,9 @@ from mssegment.errors import ConfigurationError, DataError
 from mssegment.records import (
     BACKGROUND,
     OUTLIER,
+    ClusterResult,
     HypothesisSet,
     Integers,
-    Segmentation,
     Strategy,
 )
 
@@ -30,9 +30,9 @@ def nothing_moves(status: Integers, names: Sequence[str]) -> bool:
     return bool((status == BACKGROUND).any()) and left <= least
 
 
-def no_motion(status: Integers) -> Segmentation:
+def no_motion(status: Integers) -> ClusterResult:
     """The segmentation in which every track keeps its status and there is no motion."""
-    return Segmentation(
+    return ClusterResult(
         labels=status,
         modes=(),
         motions=(),

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from mssegment.models import make
-from mssegment.records import Frame, HypothesisSet, Mode, Motion, Segmentation, Tracks
+from mssegment.records import ClusterResult, Frame, HypothesisSet, Mode, Motion, Tracks
 from mssegment.rendering.report import Report, build_report
 
 WIDTH, HEIGHT = 320, 240
@@ -83,7 +83,7 @@ def affine_report(*, frames: int = 2, tracks: int = 60, truth: bool = True, **ex
                 80,
             )
         ],
-        segmentation=Segmentation(
+        segmentation=ClusterResult(
             found, modes, motions, (0.2,), residuals, (assignment,), ("the camera moves",)
         ),
         **{"pictures": picture, "truth": labels if truth else None, **extra},
@@ -110,7 +110,7 @@ def many_tracks(*, tracks: int, frames: int, width: int = 1242, height: int = 37
         frames=[Frame(f"{i:06d}.png", width, height) for i in range(frames)],
         tracks=Tracks(points),
         sets=[],
-        segmentation=Segmentation(
+        segmentation=ClusterResult(
             labels, modes, motions, (), rng.lognormal(0, 2, (5, tracks)), (), ()
         ),
         pictures=lambda i: np.clip(canvas + np.roll(grain, 7 * i, axis=1), 0, 255).astype(np.uint8),

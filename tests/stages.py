@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from mssegment import models, segmentation
-from mssegment.records import Floats, Hypotheses, HypothesisSet, Integers, Segmentation
+from mssegment.records import ClusterResult, Floats, Hypotheses, HypothesisSet, Integers
 from mssegment.sampling.elemental_subsets import hypothesize as draw
 from mssegment.segmentation import SegmentOptions
 
@@ -28,7 +28,7 @@ def cluster(
     status: Integers | None = None,
     rng: np.random.Generator | None = None,
     **options: Any,
-) -> Segmentation:
+) -> ClusterResult:
     """The motions; sets alone are of strategy ``modes``."""
     if not isinstance(hypotheses, Hypotheses):
         hypotheses = Hypotheses("modes", tuple(hypotheses))

@@ -8,7 +8,7 @@ import pytest
 from mssegment.configuration import from_text, resolve
 from mssegment.documents import TracksDocument
 from mssegment.pipeline import cluster, hypothesize
-from mssegment.records import Floats, Frame, Segmentation, Tracks
+from mssegment.records import ClusterResult, Floats, Frame, Tracks
 from mssegment.segmentation.mdl.continuity import bodies
 
 EDGE = 320.0
@@ -26,7 +26,7 @@ def box(rng: np.random.Generator, jump: float, size: int = 120) -> Floats:
     return np.stack([first, second], axis=1) + rng.normal(0, 0.2, (size, 2, 2))
 
 
-def segment(points: Floats, *assignments: str) -> Segmentation:
+def segment(points: Floats, *assignments: str) -> ClusterResult:
     configuration = resolve(from_text([*assignments, "background.remove=no"]))
     frames = [Frame(name, 640, 480) for name in "ab"]
     document = TracksDocument(frames=frames, camera=None, tracks=Tracks(points))

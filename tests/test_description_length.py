@@ -14,7 +14,7 @@ from scipy.integrate import trapezoid
 from mssegment.datasets.adelaidermf import read
 from mssegment.errors import DataError
 from mssegment.evaluation import misclassification
-from mssegment.records import Floats, Integers, Segmentation, replace
+from mssegment.records import ClusterResult, Floats, Integers, replace
 from mssegment.segmentation.mdl.labelling import Neighbourhood, frequency_labels, neighbour_labels
 from mssegment.segmentation.mdl.likelihood import Noise, uniform_cost
 from tests.stages import cluster, hypothesize
@@ -40,7 +40,7 @@ def two_bodies(
     return np.concatenate(tracks), np.array(labels + [0] * outliers)
 
 
-def segment(points: Floats, model: str = "affine", **options: object) -> Segmentation:
+def segment(points: Floats, model: str = "affine", **options: object) -> ClusterResult:
     sets = hypothesize(points, model=model, count=300, rng=np.random.default_rng(5))
     return cluster(points, sets, rng=np.random.default_rng(6), **options)  # type: ignore[arg-type]
 

@@ -16,11 +16,11 @@ from rendering_samples import affine_report
 
 from mssegment.manifolds import from_name
 from mssegment.records import (
+    ClusterResult,
     Frame,
     HypothesisSet,
     Mode,
     Normalization,
-    Segmentation,
     Tracks,
     replace,
 )
@@ -146,7 +146,7 @@ def test_missing_pictures_are_said():
 
 
 def test_an_empty_report_has_a_page():
-    empty = Segmentation(np.zeros(0, np.int64), (), (), (), np.zeros((0, 0)))
+    empty = ClusterResult(np.zeros(0, np.int64), (), (), (), np.zeros((0, 0)))
     report = build_report(
         frames=[], tracks=Tracks(np.zeros((0, 2, 2))), sets=[], segmentation=empty
     )
@@ -165,7 +165,7 @@ def sphere_report(points, labels):
         np.zeros((len(points), 2), dtype=np.int64),
         points,
     )
-    found = Segmentation(
+    found = ClusterResult(
         np.zeros(0, np.int64), modes, (), (0.1,), np.zeros((0, 0)), (np.asarray(labels),)
     )
     frames = [Frame("1.png", 10, 10), Frame("2.png", 10, 10)]

@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from rendering_samples import affine_report
 
-from mssegment.records import Segmentation, Tracks, replace
+from mssegment.records import ClusterResult, Tracks, replace
 from mssegment.rendering.report import build_report, report_json
 from mssegment.rendering.style import PALETTE, mark
 from mssegment.rendering.tables import (
@@ -104,7 +104,7 @@ def test_res_is_the_mean_squared_residual_over_the_true_inliers():
 
 
 def test_a_report_of_nothing_has_tables_too():
-    empty = Segmentation(np.zeros(0, np.int64), (), (), (), np.zeros((0, 0)))
+    empty = ClusterResult(np.zeros(0, np.int64), (), (), (), np.zeros((0, 0)))
     report = build_report(
         frames=[], tracks=Tracks(np.zeros((0, 2, 2))), sets=[], segmentation=empty
     )

@@ -74,7 +74,9 @@ def test_labels_are_compared_without_scipy(run: tuple[Path, set[str]], slow: set
 @pytest.mark.skipif(platform.libc_ver()[0] != "glibc", reason="only glibc is taught")
 def test_memory_is_kept_for_the_next_array() -> None:
     code = """
-import resource, numpy, mssegment.pipeline
+import resource, numpy
+from mssegment.resources import keep_freed_memory
+keep_freed_memory()
 def faults():
     return resource.getrusage(resource.RUSAGE_SELF).ru_minflt
 numpy.ones(2**20)

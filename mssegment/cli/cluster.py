@@ -59,6 +59,9 @@ def command(
     start = time.perf_counter()
     from mssegment import pipeline
     from mssegment.history import inherited
+    from mssegment.resources import keep_freed_memory
+
+    keep_freed_memory()
 
     configuration = resolve([*inherited(hypotheses), *settings])
     with console.working("cluster"):

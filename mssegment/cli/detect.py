@@ -41,6 +41,9 @@ def command(
         raise UsageError("no images given; name two images, a folder, a glob pattern or a video")
     start = time.perf_counter()
     from mssegment import pipeline
+    from mssegment.resources import keep_freed_memory
+
+    keep_freed_memory()
 
     configuration = resolve([*settings, Setting("input.images", list(images), "IMAGE")])
     with console.working("detect"):

@@ -52,6 +52,9 @@ def command(document: str, settings: list[Setting], output: str | None, console:
     tracks = read_argument(document, TracksDocument)
     start = time.perf_counter()
     from mssegment import pipeline
+    from mssegment.resources import keep_freed_memory
+
+    keep_freed_memory()
 
     with console.working("hypothesize"):
         hypotheses = pipeline.hypothesize(tracks, configuration)

@@ -38,6 +38,9 @@ def command(document: str, settings: list[Setting], output: str | None, console:
     corners = read_argument(document, CornersDocument)
     start = time.perf_counter()
     from mssegment import pipeline
+    from mssegment.resources import keep_freed_memory
+
+    keep_freed_memory()
 
     with console.working("match"):
         tracks = pipeline.match(corners, configuration)

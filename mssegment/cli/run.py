@@ -91,7 +91,9 @@ def command(
 
     with claimed_folder(out, force):
         from mssegment import pipeline
+        from mssegment.resources import keep_freed_memory
 
+        keep_freed_memory()
         with console.working("read") as progress:
 
             def on_stage(name: str, document: Document | None, timings: Timings) -> None:
@@ -156,7 +158,7 @@ def _tracks(configuration: Configuration) -> TracksDocument | None:
     return pipeline.import_tracks(path)
 
 
-def _write(result: pipeline.Result, results: Results, out: str) -> list[str]:
+def _write(result: pipeline.Segmentation, results: Results, out: str) -> list[str]:
     """Write the documents and the results; the names of the result files."""
     from mssegment.documents import write_document
 

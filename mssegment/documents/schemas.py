@@ -25,6 +25,7 @@ from mssegment.documents.checks import (
 )
 from mssegment.records import (
     Camera,
+    ClusterResult,
     Corners,
     Floats,
     Frame,
@@ -35,7 +36,6 @@ from mssegment.records import (
     Motion,
     Partition,
     Record,
-    Segmentation,
     Strategy,
     Tracks,
 )
@@ -187,9 +187,9 @@ class SegmentationDocument(Document, frozen=True, tag="mssegment/segmentation/2"
     sets: list[HypothesisSet]
 
     @property
-    def segmentation(self) -> Segmentation:
+    def segmentation(self) -> ClusterResult:
         """The segmentation as one record."""
-        return Segmentation(
+        return ClusterResult(
             labels=self.labels,
             modes=self.modes,
             motions=self.motions,

@@ -18,6 +18,7 @@ from mssegment.records import (
     BACKGROUND,
     NOT_JUDGED,
     OUTLIER,
+    ClusterResult,
     Floats,
     Frame,
     HypothesisSet,
@@ -25,7 +26,6 @@ from mssegment.records import (
     Mode,
     Motion,
     Record,
-    Segmentation,
     Tracks,
 )
 
@@ -53,7 +53,7 @@ class Report(Record, frozen=True, eq=False):
     frames: tuple[Frame, ...]
     tracks: Tracks
     sets: tuple[HypothesisSet, ...]
-    segmentation: Segmentation
+    segmentation: ClusterResult
     pictures: PictureOf = no_picture
     truth: Integers | None = None
     evaluation: Evaluation | None = None
@@ -99,7 +99,7 @@ def build_report(
     frames: Sequence[Frame],
     tracks: Tracks,
     sets: Sequence[HypothesisSet],
-    segmentation: Segmentation,
+    segmentation: ClusterResult,
     pictures: PictureOf | None = None,
     truth: Integers | None = None,
     straight: Floats | None = None,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from mssegment.errors import DataError, UsageError
-from mssegment.records import OUTLIER, Floats, Hypotheses, Integers, Segmentation
+from mssegment.records import OUTLIER, ClusterResult, Floats, Hypotheses, Integers
 from mssegment.segmentation.dominant_modes import dominance
 from mssegment.segmentation.mdl import mdl
 from mssegment.segmentation.mode_based import segment_by_modes
@@ -27,7 +27,7 @@ def cluster(
     status: Integers | None = None,
     options: SegmentOptions = STANDARD,
     rng: np.random.Generator,
-) -> Segmentation:
+) -> ClusterResult:
     """Segment tracks by hypotheses, with the strategy that these were drawn for.
 
     Parameters

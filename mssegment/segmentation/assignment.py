@@ -8,7 +8,7 @@ import numpy as np
 
 from mssegment import models
 from mssegment.models import MotionModel
-from mssegment.records import OUTLIER, Floats, HypothesisSet, Integers, Motion, Segmentation
+from mssegment.records import OUTLIER, ClusterResult, Floats, HypothesisSet, Integers, Motion
 from mssegment.segmentation.mdl.granularity import LEAST_SCALE
 from mssegment.segmentation.mdl.likelihood import Noise
 
@@ -16,7 +16,7 @@ REACH = 6.0
 """Standard deviations of a motion's residuals beyond which no track is judged to be its."""
 
 
-def assign(points: Floats, sets: Sequence[HypothesisSet], found: Segmentation) -> Integers:
+def assign(points: Floats, sets: Sequence[HypothesisSet], found: ClusterResult) -> Integers:
     """The label of each track [P, F, 2] (pixels) under the motions found: 1..m, or 0.
 
     A track belongs to the likeliest motion among those that reach so far, given the scale of each

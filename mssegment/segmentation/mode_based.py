@@ -13,12 +13,12 @@ from mssegment.models import Flags, MotionModel
 from mssegment.records import (
     NOT_JUDGED,
     OUTLIER,
+    ClusterResult,
     Floats,
     HypothesisSet,
     Integers,
     Mode,
     Motion,
-    Segmentation,
     replace,
 )
 from mssegment.sampling.observed import ObservedSet
@@ -48,7 +48,7 @@ def segment_by_modes(
     status: Integers,
     options: SegmentOptions,
     rng: np.random.Generator,
-) -> Segmentation:
+) -> ClusterResult:
     """Mean shift on every set, modes ranked by kernel density, then ``select``.
 
     ``points`` [P, F, 2] in pixels; ``status`` [P] is 0 for tracks to label, else the label they
@@ -120,7 +120,7 @@ def _segmentation(
     bandwidths: tuple[float, ...],
     assignments: tuple[Integers, ...],
     choice: SelectionResult,
-) -> Segmentation:
+) -> ClusterResult:
     owner = _owners(choice.motions, _residuals(observed_sets, choice.motions, int(judged.sum())))
     choice = replace(choice, motions=_refitted(observed_sets, choice.motions, owner))
     residuals = _residuals(observed_sets, choice.motions, int(judged.sum()))
@@ -143,7 +143,7 @@ def _segmentation(
         Mode(m.set_index, m.hypotheses, m.kde, m.point, label_of_mode.get(i, 0))
         for i, m in enumerate(modes)
     )
-    return Segmentation(
+    return ClusterResult(
         labels,
         named,
         tuple(found),

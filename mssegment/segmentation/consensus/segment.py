@@ -1,4 +1,4 @@
-"""Consensus as a ``Segmentation``: every group's motion on its manifold, with its mode.
+"""Consensus as a ``ClusterResult``: every group's motion on its manifold, with its mode.
 
 Each group gets a motion on the set that says most about it: the subspaces over all frames where
 they were drawn, else the homographies of the frame pair that sees most of the group. Mean
@@ -20,13 +20,13 @@ from mssegment.meanshift.ascent import shift
 from mssegment.models import MODELS, Flags
 from mssegment.records import (
     OUTLIER,
+    ClusterResult,
     Floats,
     Hypotheses,
     HypothesisSet,
     Integers,
     Mode,
     Motion,
-    Segmentation,
 )
 from mssegment.sampling.observed import ObservedSet
 from mssegment.segmentation.consensus.clustering import cluster_by_consensus
@@ -58,7 +58,7 @@ def segment_by_consensus(
     status: Integers,
     options: SegmentOptions,
     rng: np.random.Generator,
-) -> Segmentation:
+) -> ClusterResult:
     """Segment the tracks ``points`` [P, F, 2] (pixels, NaN: not visible) by consensus.
 
     ``status`` [P] is 0 for tracks to label, else the label they keep. Raises DataError where the
@@ -86,7 +86,7 @@ def segment_by_consensus(
     residuals = np.full((count, len(points)), np.nan)
     for row, (_, own) in enumerate(results):
         residuals[row] = own
-    return Segmentation(
+    return ClusterResult(
         labels,
         modes,
         found_motions,
