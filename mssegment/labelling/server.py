@@ -23,7 +23,7 @@ from mssegment.errors import DataError, MssegmentError, UsageError
 from mssegment.labelling import masks
 from mssegment.records import Frame
 from mssegment.rendering.report import PictureOf
-from mssegment.rendering.style import hexadecimal, mark
+from mssegment.rendering.style import hexadecimal, label_style
 
 LOOPBACK = "127.0.0.1"
 LARGEST_REQUEST = 16_000_000
@@ -222,6 +222,10 @@ class _Handler(BaseHTTPRequestHandler):
 def _looks() -> list[dict[str, object]]:
     """The colours of the first labels, as everywhere."""
     return [
-        {"label": label, "colour": hexadecimal(mark(label).colour), "glyph": mark(label).glyph}
+        {
+            "label": label,
+            "colour": hexadecimal(label_style(label).colour),
+            "glyph": label_style(label).glyph,
+        }
         for label in range(1, 57)
     ]
