@@ -193,6 +193,43 @@ def test_keyboard_alone_does_it_all(pair):
     pair.clean()
 
 
+def test_escape_clears_the_selection(pair):
+    page = pair.page
+    page.focus("#stage")
+    page.keyboard.press("ArrowRight")
+    assert page.locator("#details").is_visible()
+    page.keyboard.press("Escape")
+    assert page.locator("#details").is_hidden()
+    pair.clean()
+
+
+def test_errors_are_highlighted_and_listed(open_page):
+    opened = open_page(affine_report(errors=3))
+    page = opened.page
+    assert page.inner_text("#error-count") == "3"
+    blank = page.evaluate(ERROR_RINGS)
+    page.check("#show-errors")
+    assert blank == 0
+    assert page.evaluate(ERROR_RINGS) > 50
+    page.select_option("#filter", "errors")
+    assert "3 tracks" in page.inner_text("#page-name")
+    assert page.locator("#track-table td:has-text('(error)')").count() == 3
+    opened.clean()
+
+
+ERROR_RINGS = """() => {
+    let sum = 0;
+    for (const canvas of document.querySelectorAll('#stage canvas:not([hidden])')) {
+      const { width, height } = canvas;
+      const d = canvas.getContext('2d').getImageData(0, 0, width, height).data;
+      for (let i = 0; i < d.length; i += 4) {
+        if (d[i] === 213 && d[i + 1] === 0 && d[i + 2] === 0 && d[i + 3] > 250) sum++;
+      }
+    }
+    return sum; }"""
+"""Pixels in the colour of the rings around errors."""
+
+
 def test_the_table_sorts_filters_and_turns_pages(pair):
     page = pair.page
     first = "#track-table tbody tr:first-child th"

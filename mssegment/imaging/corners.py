@@ -257,6 +257,11 @@ def select_apart(
     -------
     int array [k]
         Indices of the selected points, ascending.
+
+    Examples
+    --------
+    >>> select_apart([[0, 0], [1, 0], [3, 0]], 2).tolist()
+    [0, 2]
     """
     where = np.asarray(points, np.float64).reshape(-1, 2)
     pairs = pairs_within(where, float(np.nextafter(distance, 0)))

@@ -86,7 +86,13 @@ class LabelStyle(Record, frozen=True):
 
 
 def label_style(label: int) -> LabelStyle:
-    """The style of a label: motion 1, 2, ..., or a special label of ``records``."""
+    """The style of a label: motion 1, 2, ..., or a special label of ``records``.
+
+    Examples
+    --------
+    >>> label_style(1).hexadecimal, label_style(1).shape, label_style(0).name
+    ('#e69f00', 'circle', 'outliers')
+    """
     if label > 0:
         # 7 and 8 have no common factor: a pair of colour and shape repeats only after 56 motions
         shape = SHAPES[(label - 1) % len(SHAPES)]

@@ -139,7 +139,16 @@ def format_report(report: Report, form: str = "text") -> str:
 
 
 def format_table(table: Table, form: str) -> str:
-    """One table as text, Markdown, LaTeX or CSV, ending with a newline."""
+    """One table as text, Markdown, LaTeX or CSV, ending with a newline.
+
+    Examples
+    --------
+    >>> table = Table("Modes", ("mode", "hypotheses"), (("M1", "171"), ("M2", "63")))
+    >>> print(format_table(table, "text"), end="")
+    mode   hypotheses
+    M1            171
+    M2             63
+    """
     writers = {"text": _text, "markdown": _markdown, "latex": _latex, "csv": _csv}
     return writers[form](table)
 
@@ -148,6 +157,11 @@ def number(value: float | None, digits: int = 3) -> str:
     """A number with ``digits`` significant digits, ``-`` for None and NaN.
 
     With an exponent below 1e-4 and from 1e6 on.
+
+    Examples
+    --------
+    >>> number(0.0274894), number(5.1e-7), number(None)
+    ('0.0275', '5.10e-07', '-')
     """
     if value is None or value != value:
         return "-"

@@ -37,7 +37,13 @@ MATCHERS: dict[str, Matcher] = {
 
 
 def default_matcher(frames: int) -> str:
-    """Name of the matcher that ``auto`` selects for ``frames`` >= 2 frames."""
+    """Name of the matcher that ``auto`` selects for ``frames`` >= 2 frames.
+
+    Examples
+    --------
+    >>> default_matcher(2), default_matcher(30)
+    ('affine', 'flow')
+    """
     return next(matcher.name for matcher in MATCHERS.values() if matcher.is_default_for(frames))
 
 

@@ -158,10 +158,10 @@ def _follow(
         return points, np.zeros(0, bool)
     one, two = _eight_bits(before), _eight_bits(after)
     start = points.astype(np.float32).reshape(-1, 1, 2)
-    there, found = _lucas_kanade(one, two, start, search)
-    back, returned = _lucas_kanade(two, one, there, search)
+    end, found = _lucas_kanade(one, two, start, search)
+    back, returned = _lucas_kanade(two, one, end, search)
     error = np.linalg.norm((back - start).reshape(-1, 2), axis=1)
-    ends = there.reshape(-1, 2).astype(np.float64)
+    ends = end.reshape(-1, 2).astype(np.float64)
     height, width = after.shape
     inside = ((ends >= 0) & (ends <= (width - 1, height - 1))).all(axis=1)
     return ends, np.asarray(found & returned & (error < search.return_error) & inside)

@@ -24,7 +24,13 @@ LOW_CONTRAST_RANGE = 128.0
 
 
 class PhotometricChange(Record, frozen=True):
-    """The map v = ``gain`` * u + ``offset`` from grey values u of frame 1 to those of another."""
+    """The map v = ``gain`` * u + ``offset`` from grey values u of frame 1 to those of another.
+
+    Examples
+    --------
+    >>> PhotometricChange(2.0, 10.0).undo(np.float32([[10, 30]]))
+    array([[ 0., 10.]], dtype=float32)
+    """
 
     gain: float = 1.0
     offset: float = 0.0

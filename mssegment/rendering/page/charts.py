@@ -26,9 +26,7 @@ def manifold_svg(report: Report, view: Projection) -> str:
     """Plot the hypotheses of one set, their modes and trajectories of mean shift."""
     half = MANIFOLD_SIDE / 2
     parts = [_disc() if view.hemisphere else _axes(view)]
-    for path, label in zip(view.paths, view.path_labels, strict=False):
-        steps = _polyline(half + MARGIN_SHARE * half * path, broken=view.hemisphere)
-        parts.append(f'<path class="path {label_class(label)}" d="{steps}"/>')
+    parts.append(_trajectories(view))
     points = half + MARGIN_SHARE * half * view.points
     order = np.argsort(view.labels > 0, kind="stable")  # those of motions last, on top
     model = report.sets[report.segmentation.modes[view.mode_indices[0]].set_index]
@@ -49,6 +47,21 @@ def manifold_svg(report: Report, view: Projection) -> str:
         f'<svg class="chart manifold" viewBox="0 0 {MANIFOLD_SIDE:g} {MANIFOLD_SIDE:g}" role="img" '
         f'aria-label="{escape(title)}, {escape(view.manifold)}: {len(view.points)} hypotheses, '
         f'{len(view.mode_indices)} modes">{"".join(parts)}</svg>'
+    )
+
+
+def _trajectories(view: Projection) -> str:
+    """The paths of mean shift, cut off at the frame of the plot."""
+    half, reach = MANIFOLD_SIDE / 2, MARGIN_SHARE * MANIFOLD_SIDE / 2
+    paths = []
+    for path, label in zip(view.paths, view.path_labels, strict=False):
+        steps = _polyline(half + reach * path, broken=view.hemisphere)
+        paths.append(f'<path class="path {label_class(label)}" d="{steps}"/>')
+    low, side = f"{half - reach:.1f}", f"{2 * reach:.1f}"
+    # an inner svg element clips what lies outside
+    return (
+        f'<svg x="{low}" y="{low}" width="{side}" height="{side}" '
+        f'viewBox="{low} {low} {side} {side}">{"".join(paths)}</svg>'
     )
 
 
@@ -122,12 +135,12 @@ def _axes(view: Projection) -> str:
 
 def _polyline(path: Floats, broken: bool) -> str:
     """Path data; on the disc a path that crosses the rim continues on the opposite side."""
-    fine = path[np.isfinite(path).all(axis=1)]
-    if len(fine) < 2:
+    finite = path[np.isfinite(path).all(axis=1)]
+    if len(finite) < 2:
         return ""
-    jumps = np.hypot(*np.diff(fine, axis=0).T) > MANIFOLD_SIDE / 3
-    parts = [f"M{fine[0, 0]:.1f} {fine[0, 1]:.1f}"]
-    for (x, y), jump in zip(fine[1:], jumps, strict=True):
+    jumps = np.hypot(*np.diff(finite, axis=0).T) > MANIFOLD_SIDE / 3
+    parts = [f"M{finite[0, 0]:.1f} {finite[0, 1]:.1f}"]
+    for (x, y), jump in zip(finite[1:], jumps, strict=True):
         parts.append(f"{'M' if jump and broken else 'L'}{x:.1f} {y:.1f}")
     return "".join(parts)
 

@@ -121,8 +121,8 @@ def _selection_text(report: Report) -> str:
     saved = [m.cost_saved for m in report.motions if m.cost_saved is not None]
     if saved:
         text += (
-            " Motions were selected by description length: every one shortens the description of "
-            f"the tracks, by at least {fixed(min(saved), 1)} nats after its own cost."
+            " Motions were selected by description length: each shortens the description of the "
+            f"tracks by at least {fixed(min(saved), 1)} nats, net of its own cost."
         )
     return text
 

@@ -31,11 +31,14 @@ function describe(track) {
   const [first, last] = firstAndLast[track];
   if (first >= 0 && last > first) {
     const [x0, y0] = position(track, first), [x1, y1] = position(track, last);
-    line("displacement", `${digits(Math.hypot(x1 - x0, y1 - y0))} px (${digits(x1 - x0)}, ${digits(y1 - y0)})`);
+    line("displacement", `${digits(Math.hypot(x1 - x0, y1 - y0))} px`);
+    line("dx, dy", `${digits(x1 - x0)}, ${digits(y1 - y0)}`);
   }
   motions.slice(0, 8).forEach((style, row) => {
-    const limit = style.limit === null ? "" : ` (inliers up to ${digits(style.limit)})`;
-    line("residual to ", `${digits(residual(row, track))} px${limit}`);
+    const own = residual(row, track);
+    const limit = style.limit === null ? "" : ` (max ${digits(style.limit)})`;
+    line("residual ", Number.isFinite(own) ? `${digits(own)} px${limit}` : "–");
+    list.lastChild.title = `Largest residual of an inlier: ${digits(style.limit ?? NaN)} px`;
     list.lastChild.previousSibling.append(key(style), ` ${style.label}`);
   });
   const find = text("button", "Show in the table", "link");
