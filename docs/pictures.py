@@ -1,4 +1,4 @@
-"""Makes the pictures of the README anew from the sample scenes: ``python -m docs.pictures``."""
+"""Regenerate the pictures of the README from the sample scenes: ``python -m docs.pictures``."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ MODELS = ("translation", "factorization", "affine")
 
 
 def main() -> None:
-    """Writes docs/pictures/<model>.jpg, all tracks beside the motions found in them."""
+    """Write docs/pictures/<model>.jpg: all tracks beside the motions found in them."""
     folder = ROOT / "docs" / "pictures"
     folder.mkdir(exist_ok=True)
     for model in MODELS:

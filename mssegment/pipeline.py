@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
+import msgspec
 import numpy as np
 
 from mssegment.configuration import Configuration, camera_of
@@ -22,7 +23,6 @@ from mssegment.documents import (
     TracksDocument,
     read_bytes,
 )
-from mssegment.errors import ConfigurationError
 from mssegment.history import entry_of
 from mssegment.records import (
     OUTLIER,
@@ -99,20 +99,12 @@ def match(
 ) -> TracksDocument:
     """Stage 2: corners become tracks. Without ``source`` the pictures are opened again."""
     from mssegment.imaging.frames import reopen_frames
-    from mssegment.imaging.matching import default_matcher
     from mssegment.imaging.matching import match as match_corners
 
-    settings = configuration.match
+    settings = msgspec.structs.asdict(configuration.match)
+    method = settings.pop("method")
+    options = {name: value for name, value in settings.items() if value != "auto"}
     source = source or reopen_frames(document.frames)
-    method = default_matcher(len(source)) if settings.method == "auto" else settings.method
-    options: dict[str, Any] = {}
-    if settings.min_length != "auto":
-        if method != "flow":
-            raise ConfigurationError(
-                f"match.min_length is for match.method flow, the method here is {method}; "
-                "leave it at auto"
-            )
-        options["min_length"] = settings.min_length
     tracks = match_corners(source.greys(), document.corners, method, **options)
     return TracksDocument(
         frames=document.frames,
@@ -278,7 +270,7 @@ class Segmentation(Record, frozen=True):
 
     @property
     def labels(self) -> Integers:
-        """The label of each track [P]: 1, 2, ... motions, 0 outlier, -1 background, -2 not judged."""
+        """One label per track [P]: 1, 2, ... motion, 0 outlier, -1 background, -2 not judged."""
         return self.segmentation.labels
 
     @property

@@ -19,8 +19,13 @@ def picture(index: int) -> np.ndarray:
     return image
 
 
-def affine_report(*, frames: int = 2, tracks: int = 60, truth: bool = True, **extra) -> Report:
-    """Two bodies that shift by (12, 4) and (-9, 6) a frame, some outliers, one background track."""
+def affine_report(
+    *, frames: int = 2, tracks: int = 60, truth: bool = True, errors: int = 0, **extra
+) -> Report:
+    """Two bodies that shift by (12, 4) and (-9, 6), some outliers, one background track.
+
+    The true labels are those found but for the first ``errors`` tracks.
+    """
     rng = np.random.default_rng(5)
     labels = np.array([1] * (tracks // 2) + [2] * (tracks // 3))
     labels = np.concatenate([labels, np.zeros(tracks - len(labels), dtype=np.int64)])
@@ -69,6 +74,7 @@ def affine_report(*, frames: int = 2, tracks: int = 60, truth: bool = True, **ex
         Mode(0, 19, 0.031, parameters[1], 2),
         Mode(0, 5, 0.004, hypotheses[-1], 0),
     )
+    true_labels = np.where(np.arange(tracks) < errors, 2, labels)
     return build_report(
         frames=[Frame(f"{i + 1}.png", WIDTH, HEIGHT) for i in range(frames)],
         tracks=Tracks(points),
@@ -86,7 +92,7 @@ def affine_report(*, frames: int = 2, tracks: int = 60, truth: bool = True, **ex
         segmentation=ClusterResult(
             found, modes, motions, (0.2,), residuals, (assignment,), ("the camera moves",)
         ),
-        **{"pictures": picture, "truth": labels if truth else None, **extra},
+        **{"pictures": picture, "truth": true_labels if truth else None, **extra},
     )
 
 

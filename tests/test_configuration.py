@@ -222,7 +222,10 @@ def test_the_descriptions_state_the_automatic_values_that_the_program_uses() -> 
         ),
         ("detect.quality", f"auto: {corners.QUALITY:.4f}."),
         ("detect.min_distance", f"otherwise {corners.DISTANCE_SEQUENCE:g}."),
-        ("match.min_length", f"up to {corners.FEW_FRAMES} frames, otherwise {klt.SHORTEST}."),
+        (
+            "match.min_length",
+            f"up to {corners.FEW_FRAMES} frames, otherwise {klt.MIN_TRACK_LENGTH}.",
+        ),
         ("cluster.method", f"factorization over {LONG} frames or more"),
         ("hypothesize.rank", f"from {LONG} frames on"),
     ):

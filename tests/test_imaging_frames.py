@@ -144,7 +144,7 @@ def test_a_document_whose_pictures_are_gone_or_changed(pair: list[str]) -> None:
     Path(pair[1]).unlink()
     with pytest.raises(DataError) as failure:
         reopen_frames(known)
-    one_line(failure, pair[1], "not here")
+    one_line(failure, pair[1], "no such file, but the document refers to it")
     with pytest.raises(DataError) as failure:
         reopen_frames([Frame(pair[0], 81, 60)]).grey(0)
     one_line(failure, pair[0], "80x60", "81x60")

@@ -1,7 +1,9 @@
-"""Corners and matchers: known warps give matches at known places, light does not matter."""
+"""Corners and matchers: known warps give matches at known places, whatever the brightness."""
 
 from __future__ import annotations
 
+import subprocess
+import sys
 from collections.abc import Callable
 from pathlib import Path
 
@@ -11,11 +13,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mssegment.errors import DataError, UsageError
-from mssegment.imaging.corners import detect, detect_all, spread
+from mssegment.errors import ConfigurationError, DataError, UsageError
+from mssegment.imaging.corners import detect, detect_all, select_apart
 from mssegment.imaging.frames import open_frames
 from mssegment.imaging.matching import MATCHERS, default_matcher, match
-from mssegment.imaging.matching.lucas_kanade import Windows, likeness, register
+from mssegment.imaging.matching.lucas_kanade import Windows, correlations, register
 from mssegment.imaging.matching.nearest import mutual
 from mssegment.imaging.pyramid import build_pyramid
 from mssegment.records import Floats, Frame
@@ -59,7 +61,7 @@ def turned(degrees: float, scale: float = 1.0) -> Floats:
 
 FIRST = view(np.eye(2), np.zeros(2))
 SMALL = (np.array([[1.02, 0.01], [-0.015, 0.99]]), np.array([3.3, -2.6]))
-PAIR_MATCHERS = [name for name in MATCHERS if name != "flow"]
+PAIR_MATCHERS = [name for name, matcher in MATCHERS.items() if matcher.max_frames == 2]
 
 
 @pytest.mark.parametrize("method", MATCHERS)
@@ -183,14 +185,14 @@ def test_number_distance_and_levels() -> None:
 
 @settings(max_examples=40, deadline=None)
 @given(st.integers(0, 60), st.floats(0.5, 30), st.integers(0, 2**31))
-def test_spread_is_greedy(count: int, distance: float, seed: int) -> None:
+def test_points_are_selected_greedily(count: int, distance: float, seed: int) -> None:
     points = np.random.default_rng(seed).uniform(0, 50, (count, 2))
     kept: list[int] = []
     for i, point in enumerate(points):
         if all(np.linalg.norm(point - points[j]) >= distance for j in kept):
             kept.append(i)
-    assert spread(points, distance).tolist() == kept
-    assert spread(points, distance, 3).tolist() == kept[:3]
+    assert select_apart(points, distance).tolist() == kept
+    assert select_apart(points, distance, 3).tolist() == kept[:3]
 
 
 def test_mutual_against_brute_force() -> None:
@@ -236,16 +238,16 @@ def test_windows_of_several_levels_are_registered_as_if_each_were_alone() -> Non
     affines = np.eye(2) + rng.normal(0, 0.03, (24, 2, 2))
     windows = Windows(centres, centres + rng.normal(3, 1, (24, 2)), affines, levels, others)
     one, two = build_pyramid(FIRST, 3), build_pyramid(view(*SMALL), 3)
-    together, alike = register(one, two, windows), likeness(one, two, windows)
+    together, alike = register(one, two, windows), correlations(one, two, windows)
     for row in range(24):
         alone = register(one, two, windows[np.array([row])])
         np.testing.assert_allclose(together.second[row], alone.second[0], atol=1e-2)
         np.testing.assert_allclose(together.correlation[row], alone.correlation[0], atol=1e-3)
-        assert likeness(one, two, windows[np.array([row])])[0] == pytest.approx(
+        assert correlations(one, two, windows[np.array([row])])[0] == pytest.approx(
             alike[row], abs=1e-4
         )
     same = Windows(centres, centres, np.tile(np.eye(2), (24, 1, 1)), levels, levels)
-    np.testing.assert_allclose(likeness(one, one, same), 1.0, atol=1e-3)
+    np.testing.assert_allclose(correlations(one, one, same), 1.0, atol=1e-3)
 
 
 def test_tracks_through_a_sequence() -> None:
@@ -333,12 +335,52 @@ def test_noise_of_any_size_is_no_surprise(seed: int, height: int, width: int, si
 def test_wrong_calls() -> None:
     corners = detect_all([FIRST] * 3)
     for method in PAIR_MATCHERS:
-        with pytest.raises(UsageError, match="two pictures"):
+        with pytest.raises(UsageError, match=f"{method}: 3 frames, expected at most 2; use flow"):
             match([FIRST] * 3, corners, method)
     with pytest.raises(UsageError, match="expected auto, affine"):
         match([FIRST] * 2, corners[:2], "surf")
-    assert default_matcher(2) in MATCHERS
+    for pictures in ([FIRST], [FIRST] * 3):
+        with pytest.raises(UsageError, match="the corners of each"):
+            match(pictures, corners[:2])
+    with pytest.raises(
+        ConfigurationError, match=r"min_length: .* affine has no .*match.method flow$"
+    ):
+        match([FIRST] * 2, corners[:2], min_length=3)
+
+
+@pytest.mark.parametrize("name", MATCHERS)
+def test_a_matcher_lists_its_options(name: str) -> None:
+    pictures = [FIRST, view(*SMALL)]
+    corners = detect_all(pictures)
+    matcher = MATCHERS[name]
+    assert matcher.name == name
+    assert matcher.description
+    assert matcher.options
+    defaults = matcher.function.__kwdefaults__
+    tracks = match(pictures, corners, name, **defaults)
+    np.testing.assert_array_equal(tracks.points, match(pictures, corners, name).points)
+    with pytest.raises(ConfigurationError, match=f"match.colour: the matcher {name} has no"):
+        match(pictures, corners, name, colour=1)
+
+
+def test_every_number_of_frames_has_one_default_that_takes_it() -> None:
+    for frames in (2, 3, 8, 9, 1000):
+        chosen = [m for m in MATCHERS.values() if m.is_default_for(frames)]
+        assert [m.name for m in chosen] == [default_matcher(frames)]
+        assert chosen[0].max_frames is None or frames <= chosen[0].max_frames
+    assert default_matcher(2) == "affine"
     assert default_matcher(3) == "flow"
+
+
+def test_names_and_descriptions_load_no_opencv_and_no_matcher() -> None:
+    code = (
+        "import sys; from mssegment.imaging.matching import MATCHERS, default_matcher;"
+        "[(m.name, m.description) for m in MATCHERS.values()]; default_matcher(2);"
+        "print('cv2' in sys.modules, *(m.module in sys.modules for m in MATCHERS.values()))"
+    )
+    command = [sys.executable, "-c", code]
+    process = subprocess.run(command, capture_output=True, text=True, check=True)
+    assert set(process.stdout.split()) == {"False"}
 
 
 @pytest.mark.data

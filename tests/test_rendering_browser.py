@@ -140,7 +140,7 @@ def test_all_and_none_switch_everything(open_page):
     opened.clean()
 
 
-def test_slider_buttons_and_flick_change_the_frame(open_page):
+def test_slider_buttons_and_blink_change_the_frame(open_page):
     opened = open_page(affine_report(frames=4))
     page = opened.page
     shown = "document.querySelector('.frame.current').alt"
@@ -151,9 +151,9 @@ def test_slider_buttons_and_flick_change_the_frame(open_page):
     assert "Frame 4 of 4" in page.evaluate(shown)
     page.click("#forward")
     assert "Frame 1 of 4" in page.evaluate(shown)
-    page.click("#flick")
+    page.click("#blink")
     page.wait_for_selector(".frame.current[alt*='Frame 2 of 4']")
-    page.click("#flick")
+    page.click("#blink")
     opened.clean()
 
 
@@ -170,7 +170,7 @@ def test_hover_describes_the_track_and_a_click_finds_it_in_the_table(pair):
     assert "motion 2" in details
     assert f"x {x:.1f}" in details
     pair.page.mouse.click(*place)
-    row = pair.page.locator("#track-table tr.chosen")
+    row = pair.page.locator("#track-table tr.selected")
     assert row.locator("th").inner_text() == str(track + 1)
     pair.clean()
 
@@ -187,10 +187,47 @@ def test_keyboard_alone_does_it_all(pair):
     page.keyboard.press(".")
     assert "Frame 2 of 2" in page.evaluate("document.querySelector('.frame.current').alt")
     page.keyboard.press("Enter")
-    assert page.evaluate("document.activeElement.closest('tr').classList.contains('chosen')")
+    assert page.evaluate("document.activeElement.closest('tr').classList.contains('selected')")
     page.keyboard.press("Enter")
     assert page.evaluate("document.activeElement.id") == "stage"
     pair.clean()
+
+
+def test_escape_clears_the_selection(pair):
+    page = pair.page
+    page.focus("#stage")
+    page.keyboard.press("ArrowRight")
+    assert page.locator("#details").is_visible()
+    page.keyboard.press("Escape")
+    assert page.locator("#details").is_hidden()
+    pair.clean()
+
+
+def test_errors_are_highlighted_and_listed(open_page):
+    opened = open_page(affine_report(errors=3))
+    page = opened.page
+    assert page.inner_text("#error-count") == "3"
+    blank = page.evaluate(ERROR_RINGS)
+    page.check("#show-errors")
+    assert blank == 0
+    assert page.evaluate(ERROR_RINGS) > 50
+    page.select_option("#filter", "errors")
+    assert "3 tracks" in page.inner_text("#page-name")
+    assert page.locator("#track-table td:has-text('(error)')").count() == 3
+    opened.clean()
+
+
+ERROR_RINGS = """() => {
+    let sum = 0;
+    for (const canvas of document.querySelectorAll('#stage canvas:not([hidden])')) {
+      const { width, height } = canvas;
+      const d = canvas.getContext('2d').getImageData(0, 0, width, height).data;
+      for (let i = 0; i < d.length; i += 4) {
+        if (d[i] === 213 && d[i + 1] === 0 && d[i + 2] === 0 && d[i + 3] > 250) sum++;
+      }
+    }
+    return sum; }"""
+"""Pixels in the colour of the rings around errors."""
 
 
 def test_the_table_sorts_filters_and_turns_pages(pair):
@@ -262,7 +299,7 @@ def test_without_javascript_everything_but_the_switches_is_there(browser, tmp_pa
     page.goto(path.as_uri())
     assert page.locator(".still use").count() == 60
     assert page.locator(".frame.current").is_visible()
-    assert "2 motions among 60 tracks" in page.inner_text("h1")
+    assert "2 motions in 60 tracks" in page.inner_text("h1")
     assert page.locator("#track-table tbody tr").count() == 25
     assert page.locator("#player").is_hidden()
     context.close()
@@ -336,7 +373,7 @@ def test_a_polygon_can_be_drawn_with_the_keyboard_alone(browser, label_server):
     page.wait_for_selector("#stage:focus")
     for key in ["3", "Space", *["ArrowRight"] * 3, "Space", *["ArrowDown"] * 3, "Space", "Enter"]:
         page.keyboard.press(key)
-    assert "motion 3, 3 corners" in page.inner_text("#list")
+    assert "motion 3, 3 vertices" in page.inner_text("#list")
     page.keyboard.press("s")
     page.wait_for_selector("#status:has-text('saved')")
     page.close()

@@ -66,7 +66,7 @@ def test_the_picture_colours_the_same_object_the_same(swapped):
     content = comparison_picture(["first.json", "second.json"], [report, swapped])
     picture = cv2.imdecode(np.frombuffer(content, np.uint8), cv2.IMREAD_COLOR)[..., ::-1]
     half = picture.shape[1] // 2
-    colour = np.array(style.mark(1).colour)
+    colour = np.array(style.label_style(1).colour)
     hits = (np.abs(picture.astype(int) - colour) < 30).all(axis=2)
     # the first body is on the left side of each of the two pictures
     for side in (hits[:, :half], hits[:, half:]):

@@ -123,13 +123,13 @@ def test_the_numbers_for_the_script_are_the_reports():
     report.tracks.points[4, 1] = np.nan
     data = payload.numbers(report)
     coded = np.frombuffer(base64.b64decode(data["points"]), "<i2").reshape(-1, 3, 2)
-    assert (coded[4, 1] == payload.UNSEEN).all()
+    assert (coded[4, 1] == payload.NOT_VISIBLE).all()
     seen = report.tracks.visible
-    error = coded[seen] / data["steps"] - report.tracks.points[seen]
-    assert np.abs(error).max() <= 0.5 / data["steps"] + 1e-9
+    error = coded[seen] / data["stepsPerPixel"] - report.tracks.points[seen]
+    assert np.abs(error).max() <= 0.5 / data["stepsPerPixel"] + 1e-9
     assert np.array_equal(np.frombuffer(base64.b64decode(data["labels"]), "<i2"), report.labels)
     limit = report.segmentation.residuals[0][report.members(1)].max()
-    assert data["looks"][0]["limit"] == pytest.approx(limit)
+    assert data["styles"][0]["limit"] == pytest.approx(limit)
 
 
 def test_photographs_stay_within_their_share(rng):
@@ -141,8 +141,8 @@ def test_photographs_stay_within_their_share(rng):
 
 def test_missing_pictures_are_said():
     text = render_page(affine_report(pictures=lambda index: None))
-    assert "2 of 2 pictures are not at hand" in text
-    assert "not at hand" not in render_page(affine_report())
+    assert "2 of 2 pictures are not available" in text
+    assert "not available" not in render_page(affine_report())
 
 
 def test_an_empty_report_has_a_page():
@@ -150,7 +150,7 @@ def test_an_empty_report_has_a_page():
     report = build_report(
         frames=[], tracks=Tracks(np.zeros((0, 2, 2))), sets=[], segmentation=empty
     )
-    assert "no motion among 0 tracks" in render_page(report)
+    assert "no motion in 0 tracks" in render_page(report)
 
 
 def sphere_report(points, labels):
@@ -236,4 +236,4 @@ def test_wild_tracks_are_drawn_somehow(rows, label):
 def test_a_set_that_does_not_fit_its_manifold_is_not_drawn():
     report = affine_report()
     bent = replace(report.sets[0], manifold="grassmann(10,3)")
-    assert "There are no hypotheses to draw" in render_page(replace(report, sets=(bent,)))
+    assert "There are no hypotheses to plot" in render_page(replace(report, sets=(bent,)))

@@ -15,9 +15,9 @@ from mssegment.rendering import style
 from mssegment.rendering.layout import view_of
 from mssegment.rendering.pictures import KINDS, encode_pictures, frame_scene, shown_frames
 from mssegment.rendering.raster import paint
-from mssegment.rendering.regions import dense_labels, hulls, settled
+from mssegment.rendering.regions import dense_labels, hulls, not_isolated
 from mssegment.rendering.scene import OUTLINES, Markers, Scene
-from mssegment.rendering.thinning import carriers, spread
+from mssegment.rendering.thinning import farthest_points, shown_displacements
 
 
 def near(picture, colour, tolerance=40):
@@ -50,8 +50,8 @@ def test_every_inlier_carries_the_colour_of_its_motion():
     view = view_of(report, 0)
     picture = paint(frame_scene(report, view))
     for motion in report.motions:
-        look = near(picture, style.mark(motion.label).colour)
-        places = view.place(report.tracks.points[report.members(motion.label), 0])
+        look = near(picture, style.label_style(motion.label).colour)
+        places = view.to_picture(report.tracks.points[report.members(motion.label), 0])
         hit = [
             look[round(y) - 1 : round(y) + 2, round(x) - 1 : round(x) + 2].any() for x, y in places
         ]
@@ -106,7 +106,7 @@ def test_long_sequences_show_the_first_and_the_last_frame():
 def test_hulls_hold_the_object_and_forget_the_stray(rng):
     body = rng.uniform([40, 40], [120, 100], (60, 2))
     points = np.concatenate([body, [[300.0, 200.0]]])
-    keep = settled(points)
+    keep = not_isolated(points)
     assert not keep[-1]
     assert keep[:-1].mean() > 0.95
     (outline,) = hulls(points, WIDTH, HEIGHT)
@@ -130,10 +130,10 @@ def test_dense_regions_follow_the_edges_of_the_picture():
 
 def test_short_displacements_are_all_drawn_and_long_ones_are_thinned_evenly(rng):
     short = affine_report()
-    assert carriers(short, 0)[short.labels > 0].all()
+    assert shown_displacements(short, 0)[short.labels > 0].all()
     many = affine_report(tracks=900)
     many.tracks.points[:, 1] = many.tracks.points[:, 0] + [90.0, 40.0]
-    kept = carriers(many, 0)
+    kept = shown_displacements(many, 0)
     members = many.members(1)
     assert 12 <= kept[members].sum() < 0.3 * len(members)
     # no track is far from one that shows the way
@@ -143,10 +143,10 @@ def test_short_displacements_are_all_drawn_and_long_ones_are_thinned_evenly(rng)
     assert gaps.max() < 30
 
 
-def test_spread_takes_the_number_it_is_asked_for(rng):
+def test_farthest_points_are_as_many_as_asked_for(rng):
     points = rng.uniform(0, 100, (50, 2))
-    assert len(set(spread(points, 20).tolist())) == 20
-    assert spread(points, 80).tolist() == list(range(50))
+    assert len(set(farthest_points(points, 20).tolist())) == 20
+    assert farthest_points(points, 80).tolist() == list(range(50))
 
 
 @pytest.mark.parametrize(
@@ -158,4 +158,4 @@ def test_small_pictures_grow_and_huge_ones_shrink(width, height, scale):
     view = view_of(replace(report, frames=frames), 0)
     assert view.scale == scale
     assert view.photograph.shape[:2] == (height * scale, width * scale)
-    assert np.allclose(view.place(np.array([-0.5, -0.5])), -0.5)
+    assert np.allclose(view.to_picture(np.array([-0.5, -0.5])), -0.5)

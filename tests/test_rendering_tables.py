@@ -14,7 +14,7 @@ from rendering_samples import affine_report
 
 from mssegment.records import ClusterResult, Tracks, replace
 from mssegment.rendering.report import build_report, report_json
-from mssegment.rendering.style import PALETTE, mark
+from mssegment.rendering.style import PALETTE, label_style
 from mssegment.rendering.tables import (
     FORMATS,
     Table,
@@ -37,7 +37,7 @@ background         1
 
 LATEX = r"""\begin{tabular}{lrrr}  % Modes
   \hline
-   & mot. hyp. & kde & motion \\
+  mode & hypotheses & kde & motion \\
   \hline
   M1 & 24 & 0.0600 & 1 \\
   M2 & 19 & 0.0310 & 2 \\
@@ -55,14 +55,14 @@ def test_modes_table_is_the_papers():
     assert format_table(modes_table(affine_report()), "latex") == LATEX
 
 
-def test_confusion_table_has_out_row_and_column_and_both_errors():
+def test_confusion_table_has_outlier_row_and_column_and_both_errors():
     table = confusion_table(affine_report())
     assert table is not None
-    assert table.header == ("", "found 1", "found 2", "Out", "res", "res^")
+    assert table.header == ("", "found 1", "found 2", "outlier", "res", "res-hat")
     assert [row[:4] for row in table.rows] == [
         ("true 1", "30", "0", "0"),
         ("true 2", "0", "20", "0"),
-        ("Out", "0", "0", "9"),
+        ("outlier", "0", "0", "9"),
     ]
     for row in table.rows[:2]:
         assert 0 < float(row[5]) <= float(row[4]) * (1 + 1e-3)
@@ -110,7 +110,7 @@ def test_a_report_of_nothing_has_tables_too():
     )
     for form in FORMATS:
         assert format_report(report, form)
-    assert summary(report) == "no motion among 0 tracks"
+    assert summary(report) == "no motion in 0 tracks"
 
 
 @pytest.mark.parametrize("form", FORMATS)
@@ -187,7 +187,7 @@ def test_neighbouring_motions_differ_for_every_kind_of_sight(kind):
 
 
 def test_colour_and_shape_repeat_only_after_56_motions():
-    looks = {(mark(label).colour, mark(label).shape) for label in range(1, 57)}
+    looks = {(label_style(label).colour, label_style(label).shape) for label in range(1, 57)}
     assert len(looks) == 56
 
 

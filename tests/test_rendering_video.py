@@ -35,7 +35,7 @@ def test_mp4_of_a_sequence_has_every_frame(tmp_path):
     assert np.abs(frames[0].astype(int) - frames[-1]).mean() > 0.2
 
 
-def test_mp4_of_a_pair_flicks(tmp_path):
+def test_mp4_of_a_pair_repeats_it(tmp_path):
     frames = frames_of(render_video(affine_report(tracks=24), "mp4"), tmp_path / "a.mp4")
     assert len(frames) == 8
 
@@ -55,7 +55,7 @@ def test_trails_appear_behind_the_points():
     last = view_of(report, 13)
     colours = [item for item in trail_items(report, last) if isinstance(item, Lines)]
     track = report.members(1)[0]
-    passed = last.place(report.tracks.points[track, 1:14])
+    passed = last.to_picture(report.tracks.points[track, 1:14])
     drawn = np.concatenate([path for item in colours for path in item.paths])
     nearest = np.linalg.norm(passed[:, None] - drawn[None], axis=2).min(axis=1)
     assert nearest.max() < 1e-9

@@ -62,7 +62,7 @@ def test_tables_load_no_pictures_and_no_mathematics(
     run: tuple[Path, set[str]], slow: set[str]
 ) -> None:
     found = loaded("report", str(run[0] / "segmentation.json"), "--format", "text")
-    assert not found & (slow | {"cv2", "mssegment.imaging", "mssegment.manifolds"})
+    assert not found & (slow | {"cv2", "mssegment.imaging.frames", "mssegment.manifolds"})
 
 
 def test_labels_are_compared_without_scipy(run: tuple[Path, set[str]], slow: set[str]) -> None:

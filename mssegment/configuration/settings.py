@@ -14,6 +14,7 @@ import msgspec
 from msgspec import Meta
 
 from mssegment.errors import ConfigurationError, MssegmentError
+from mssegment.imaging.matching import MATCHERS, default_matcher
 from mssegment.records import Record
 from mssegment.registry import MODELS
 
@@ -21,8 +22,10 @@ Auto = Literal["auto"]
 
 if TYPE_CHECKING:
     ModelName = str
+    MatcherName = str
 else:
     ModelName = Literal["auto", *MODELS]
+    MatcherName = Literal["auto", *MATCHERS]
 
 
 class Section(msgspec.Struct, frozen=True, kw_only=True):
@@ -110,11 +113,10 @@ class MatchSettings(Section, frozen=True):
     """Matching and tracking of corners."""
 
     method: Annotated[
-        Literal["auto", "affine", "patches", "flow"],
+        MatcherName,
         Meta(
-            description="affine: oriented patches refined by affine Lucas-Kanade; patches: "
-            "correlation of upright patches; flow: pyramidal Lucas-Kanade; auto: affine for two "
-            "frames, otherwise flow."
+            description="; ".join(f"{m.name}: {m.description}" for m in MATCHERS.values())
+            + f"; auto: {default_matcher(2)} for two frames, otherwise {default_matcher(3)}."
         ),
     ] = "auto"
     min_length: Annotated[

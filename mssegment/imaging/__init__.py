@@ -1,1 +1,1 @@
-"""Pictures in, corners and tracks out: the only room that knows OpenCV's features."""
+"""From pictures to corners and tracks: the only package that uses OpenCV's feature functions."""

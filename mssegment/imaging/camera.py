@@ -1,4 +1,4 @@
-"""Undo a lens's distortion, before anything else looks at the points."""
+"""Removal of lens distortion, which comes before any geometry."""
 
 from __future__ import annotations
 
@@ -8,28 +8,42 @@ import numpy as np
 from mssegment.errors import ConfigurationError
 from mssegment.records import Camera, Floats
 
-POLISH_STEPS = 30
+MAX_UNDISTORT_STEPS = 30
 
 
 def undistort_points(points: Floats, camera: Camera) -> Floats:
-    """Pixels [..., 2] as a camera without distortion and with the same K would see them.
+    """Map distorted image points to the pinhole camera with the same calibration matrix.
 
-    OpenCV's model (k1, k2, p1, p2, k3, ...); NaN stays NaN. Raises ``ConfigurationError`` for
-    more than 14 coefficients.
+    Parameters
+    ----------
+    points : float array [..., 2]
+        Pixels; NaN stays NaN.
+    camera : Camera
+        Calibration with the coefficients of OpenCV's distortion model (k1, k2, p1, p2, k3, ...).
+
+    Returns
+    -------
+    float array [..., 2]
+        Pixels without distortion; ``points`` itself where all coefficients are 0.
+
+    Raises
+    ------
+    ConfigurationError
+        For more than 14 coefficients.
     """
     if not any(camera.distortion):
         return points
     flat = points.reshape(-1, 2)
-    seen = np.isfinite(flat).all(axis=1)
+    visible = np.isfinite(flat).all(axis=1)
     result = np.full_like(flat, np.nan)
-    if seen.any():
-        lens = _lens(camera.distortion)
-        result[seen] = _undistort(flat[seen], camera.matrix, lens)
+    if visible.any():
+        coefficients = _padded(camera.distortion)
+        result[visible] = _undistort(flat[visible], camera.matrix, coefficients)
     return result.reshape(points.shape)
 
 
-def _lens(coefficients: tuple[float, ...]) -> Floats:
-    """The coefficients, filled up with zeros to a number that OpenCV takes."""
+def _padded(coefficients: tuple[float, ...]) -> Floats:
+    """The coefficients with zeros appended up to a number that OpenCV accepts."""
     for length in (5, 8, 12, 14):
         if len(coefficients) <= length:
             return np.array(coefficients + (0.0,) * (length - len(coefficients)))
@@ -39,16 +53,16 @@ def _lens(coefficients: tuple[float, ...]) -> Floats:
     )
 
 
-def _undistort(pixels: Floats, matrix: Floats, lens: Floats) -> Floats:
-    """OpenCV's few fixed-point steps, then more of them until the lens maps the points back."""
-    rough = cv2.undistortPoints(pixels.reshape(-1, 1, 2), matrix, lens)
+def _undistort(pixels: Floats, matrix: Floats, coefficients: Floats) -> Floats:
+    """OpenCV's few fixed-point steps, then more until distortion maps the points back."""
+    rough = cv2.undistortPoints(pixels.reshape(-1, 1, 2), matrix, coefficients)
     rays = np.asarray(rough, np.float64).reshape(-1, 2)
     focal = np.array([matrix[0, 0], matrix[1, 1]])
-    for _ in range(POLISH_STEPS):
-        there = np.column_stack([rays, np.ones(len(rays))])
-        again, _ = cv2.projectPoints(there, np.zeros(3), np.zeros(3), matrix, lens)
-        miss = (np.asarray(again, np.float64).reshape(-1, 2) - pixels) / focal
-        if np.abs(miss).max() < 1e-12:
+    for _ in range(MAX_UNDISTORT_STEPS):
+        homogeneous = np.column_stack([rays, np.ones(len(rays))])
+        again, _ = cv2.projectPoints(homogeneous, np.zeros(3), np.zeros(3), matrix, coefficients)
+        error = (np.asarray(again, np.float64).reshape(-1, 2) - pixels) / focal
+        if np.abs(error).max() < 1e-12:
             break
-        rays = rays - miss
+        rays = rays - error
     return np.asarray(rays * focal + matrix[:2, 2])

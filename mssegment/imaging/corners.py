@@ -1,4 +1,4 @@
-"""Harris corners with sub-pixel positions, on one level or on a pyramid of them."""
+"""Harris corners with sub-pixel positions, on the levels of a pyramid."""
 
 from __future__ import annotations
 
@@ -9,31 +9,36 @@ import numpy as np
 import numpy.typing as npt
 
 from mssegment.errors import DataError
-from mssegment.imaging.pictures import Grey
+from mssegment.imaging.pictures import GreyPicture
 from mssegment.imaging.pyramid import Level, build_pyramid, size_unit
 from mssegment.imaging.threads import threads_for
 from mssegment.neighbours import pairs_within
 from mssegment.records import Corners, Floats, Frame
 
 HARRIS_K = 0.04
+"""The constant k of the Harris response."""
 QUALITY = 1e-4
+"""Least response of a corner, as a share of the largest of its level."""
 INTEGRATION_SIGMA = 1.0
+"""Pixels; the Gaussian over which the products of gradients are summed."""
 MAXIMA_WINDOW = 5
+"""Side in pixels of the window in which a corner is the maximum."""
 LEVELS_TWO_VIEWS = 4
 LIMIT_TWO_VIEWS = 1500
 LIMIT_SEQUENCE = 1000
 DISTANCE_SEQUENCE = 5.0
-LIMIT_FALLS_WITH_SCALE = 1.2
+LIMIT_EXPONENT = 1.2
+"""The limit on a level of scale s is divided by s to this power."""
 FEW_FRAMES = 8
 """Sequences of more frames have their corners spread over the picture."""
-PER_CELL = 8
-"""Corners spread: cells of a size that so many corners a cell make the limit."""
+CORNERS_PER_CELL = 8
+"""Corners per cell of the grid over which corners are spread, on average."""
 NO_TEXTURE = 1e-3
-"""A Harris response (grey levels to the fourth, per pixel) that only rounding errors produce."""
+"""Harris response (grey levels to the fourth, per pixel) below which it is rounding error."""
 
 
 def detect(
-    grey: Grey,
+    grey: GreyPicture,
     *,
     levels: int | None = None,
     limit: int = LIMIT_TWO_VIEWS,
@@ -41,17 +46,34 @@ def detect(
     quality: float = QUALITY,
     even: bool = False,
 ) -> Corners:
-    """Corners of one picture, level by level, the strongest first within a level.
+    """Detect Harris corners (Harris and Stephens 1988) on the levels of a pyramid.
 
-    ``levels`` is the number of pyramid levels, a factor sqrt(2) apart: 4 by default, and as many
-    more as a large picture is larger than 640x480 (its ``size_unit``). A level keeps at most
-    ``limit`` corners, levels coarser than that unit ``limit`` / s^1.2 where s is by how much; no
-    two are closer than ``distance`` pixels of the level. With ``even`` these are the strongest of
-    every cell of a grid, in turn, so that a plain car beside a tree has corners too. Each is a
-    maximum of the Harris response (k = 0.04; Harris and Stephens 1988) over 5x5 pixels that exceeds
-    ``quality`` times the greatest of the level. Positions are in pixels of the picture, pixel
-    centres at whole numbers, refined by a parabola through the response. A picture without texture
-    gives no corners.
+    A corner is a maximum of the Harris response (k = 0.04) over 5 x 5 pixels, refined by a
+    parabola through the response.
+
+    Parameters
+    ----------
+    grey : float32 array [height, width]
+        Grey values 0 to 255.
+    levels : int, optional
+        Pyramid levels, a factor of sqrt(2) apart. By default 4, and in pictures larger than
+        640 x 480 the additional levels that reach the same coarsest size.
+    limit : int
+        Largest number of corners on a level. Levels coarser than ``size_unit`` by a factor s have
+        at most ``limit`` / s**1.2.
+    distance : float
+        Least distance of two corners, in pixels of the level.
+    quality : float
+        Least response, as a share of the largest on the level.
+    even : bool
+        Take the strongest corners of every cell of a grid in turn, so that objects with little
+        texture beside strong texture have corners too.
+
+    Returns
+    -------
+    Corners
+        Level by level, strongest first within a level. Positions are in pixels of the picture, the
+        centre of the first pixel at (0, 0). Empty for a picture without texture.
     """
     unit = size_unit(grey)
     if levels is None:
@@ -59,7 +81,7 @@ def detect(
     found = [
         _detect_on_level(
             level,
-            max(1, int(limit / max(1.0, level.scale / unit) ** LIMIT_FALLS_WITH_SCALE)),
+            max(1, int(limit / max(1.0, level.scale / unit) ** LIMIT_EXPONENT)),
             distance,
             quality,
             even,
@@ -74,7 +96,7 @@ def detect(
 
 
 def detect_all(
-    pictures: Sequence[Grey],
+    pictures: Sequence[GreyPicture],
     frames: Sequence[Frame] = (),
     *,
     levels: int | None = None,
@@ -82,11 +104,29 @@ def detect_all(
     distance: float | None = None,
     quality: float = QUALITY,
 ) -> list[Corners]:
-    """The corners of each frame, with the defaults that suit their number.
+    """Detect the corners of every frame, with defaults that depend on their number.
 
-    Two views: a pyramid, 1500 corners on the finest level. More: one level, 1000 corners
-    at least 5 pixels apart, and from 9 frames on the best of each part of the picture. Raises
-    ``DataError`` that names the frame (``frames`` has the paths) where there are no corners.
+    Two views: a pyramid, with at most 1500 corners on its finest level. More frames: one level,
+    with at most 1000 corners at least 5 pixels apart; from 9 frames on spread over the picture.
+
+    Parameters
+    ----------
+    pictures : sequence of float32 array [height, width]
+        The frames, grey values 0 to 255.
+    frames : sequence of Frame
+        Their records, for errors.
+    levels, limit, distance, quality
+        As in ``detect``; None for the defaults.
+
+    Returns
+    -------
+    list of Corners
+        One per frame.
+
+    Raises
+    ------
+    DataError
+        If a frame has no corners; the error names it.
     """
     pair = len(pictures) == 2
     found: list[Corners] = []
@@ -104,17 +144,19 @@ def detect_all(
             name = frames[number].path if frames else f"frame {number + 1}"
             raise DataError(
                 f"{name}: no corners ({grey.shape[1]}x{grey.shape[0]} pixels, grey values "
-                f"{grey.min():.0f} to {grey.max():.0f}); expected a picture with texture"
+                f"{grey.min():.0f} to {grey.max():.0f}), expected a picture with texture; "
+                "leave this frame out"
             )
         found.append(corners)
     return found
 
 
-def harris(grey: Grey) -> npt.NDArray[np.float32]:
-    """Harris response det(M) - k tr(M)^2, M the gradients' products under a Gaussian of sigma 1.
+def harris(grey: GreyPicture) -> npt.NDArray[np.float32]:
+    """The Harris response det(M) - k tr(M)**2 of every pixel, [height, width].
 
-    In four arrays, used again and again: fresh memory takes longer than the arithmetic.
+    M is the matrix of products of gradients, smoothed by a Gaussian of sigma 1 pixel.
     """
+    # four arrays are reused throughout: allocating memory takes longer than the arithmetic
     xx = np.asarray(cv2.Scharr(grey, cv2.CV_32F, 1, 0, scale=1 / 32), np.float32)
     yy = np.asarray(cv2.Scharr(grey, cv2.CV_32F, 0, 1, scale=1 / 32), np.float32)
     xy = xx * yy
@@ -135,23 +177,18 @@ def harris(grey: Grey) -> npt.NDArray[np.float32]:
 def _detect_on_level(
     level: Level, limit: int, distance: float, quality: float, even: bool
 ) -> Corners:
+    """The corners of one level; parameters as in ``detect``."""
     response = harris(level.grey)
-    reach = MAXIMA_WINDOW // 2
-    window = np.ones((MAXIMA_WINDOW, MAXIMA_WINDOW), np.uint8)
-    greatest = float(response.max(initial=0.0))
-    peaks = (response == cv2.dilate(response, window)) & (response > quality * greatest)
-    peaks &= response > NO_TEXTURE
-    peaks[:reach], peaks[-reach:], peaks[:, :reach], peaks[:, -reach:] = False, False, False, False
-    rows, columns = np.divmod(np.flatnonzero(peaks), peaks.shape[1])  # np.nonzero is slow in 2-D
+    rows, columns = _local_maxima(response, quality)
     strength = response[rows, columns]
     order = np.argsort(-strength, kind="stable")
     if distance > 0:
-        kept = spread(np.column_stack([columns, rows])[order], distance, None if even else limit)
-        order = order[kept]
+        places = np.column_stack([columns, rows])[order]
+        order = order[select_apart(places, distance, None if even else limit)]
     if even:
-        side = np.sqrt(response.size * PER_CELL / limit)
+        side = np.sqrt(response.size * CORNERS_PER_CELL / limit)
         cells = (rows[order] // side).astype(np.int64) * response.shape[1] + columns[order] // side
-        order = order[np.argsort(_turns(cells), kind="stable")]
+        order = order[np.argsort(_rank_in_cell(cells), kind="stable")]
     order = order[:limit]
     rows, columns = rows[order], columns[order]
     points = np.column_stack([columns, rows]) + _refine(response, rows, columns)
@@ -162,20 +199,34 @@ def _detect_on_level(
     )
 
 
-def _turns(cells: npt.NDArray[np.floating]) -> npt.NDArray[np.intp]:
-    """How many before each of [n] are of the same cell."""
+def _local_maxima(
+    response: npt.NDArray[np.float32], quality: float
+) -> tuple[npt.NDArray[np.intp], npt.NDArray[np.intp]]:
+    """Rows and columns of the maxima over 5 x 5 pixels that are above ``quality`` and rounding."""
+    window = np.ones((MAXIMA_WINDOW, MAXIMA_WINDOW), np.uint8)
+    greatest = float(response.max(initial=0.0))
+    peaks = (response == cv2.dilate(response, window)) & (response > quality * greatest)
+    peaks &= response > NO_TEXTURE
+    border = MAXIMA_WINDOW // 2
+    peaks[:border] = peaks[-border:] = False
+    peaks[:, :border] = peaks[:, -border:] = False
+    return np.divmod(np.flatnonzero(peaks), peaks.shape[1])  # np.nonzero is slow in 2-D
+
+
+def _rank_in_cell(cells: npt.NDArray[np.floating]) -> npt.NDArray[np.intp]:
+    """How many earlier entries of ``cells`` [n] are equal to each."""
     by_cell = np.argsort(cells, kind="stable")
     ordered = cells[by_cell]
     starts = np.searchsorted(ordered, ordered)
-    turns = np.empty(len(cells), dtype=np.intp)
-    turns[by_cell] = np.arange(len(cells)) - starts
-    return turns
+    rank = np.empty(len(cells), dtype=np.intp)
+    rank[by_cell] = np.arange(len(cells)) - starts
+    return rank
 
 
 def _refine(
     response: npt.NDArray[np.float32], rows: npt.NDArray[np.intp], columns: npt.NDArray[np.intp]
 ) -> Floats:
-    """Offset (x, y) of the peak of a parabola through three responses each way, within 1/2 px."""
+    """Offset (x, y) [n, 2] of the peak of a parabola in each direction, at most 1/2 pixel."""
     offsets = np.empty((len(rows), 2))
     centre = response[rows, columns].astype(np.float64)
     for axis, (dy, dx) in enumerate(((0, 1), (1, 0))):
@@ -188,28 +239,44 @@ def _refine(
     return np.clip(offsets, -0.5, 0.5)
 
 
-def spread(
+def select_apart(
     points: npt.ArrayLike, distance: float, limit: int | None = None
 ) -> npt.NDArray[np.intp]:
-    """Indices of the points that stay when, in the order given, each keeps others away.
+    """Select points greedily so that no two are too close.
 
-    ``points`` [n, 2] in pixels, all finite; a point is dropped if one kept before is closer than
-    ``distance``. At most ``limit`` stay.
+    Parameters
+    ----------
+    points : array_like [n, 2]
+        Finite positions in pixels, the preferred ones first.
+    distance : float
+        A point is dropped if one selected before is closer than this.
+    limit : int, optional
+        Largest number of points to select.
+
+    Returns
+    -------
+    int array [k]
+        Indices of the selected points, ascending.
+
+    Examples
+    --------
+    >>> select_apart([[0, 0], [1, 0], [3, 0]], 2).tolist()
+    [0, 2]
     """
     where = np.asarray(points, np.float64).reshape(-1, 2)
     pairs = pairs_within(where, float(np.nextafter(distance, 0)))
     earlier, later = pairs.min(axis=1, initial=len(where)), pairs.max(axis=1, initial=0)
-    open_ = np.ones(len(where), bool)
-    kept = np.zeros(len(where), bool)
+    undecided = np.ones(len(where), bool)
+    selected = np.zeros(len(where), bool)
     while len(earlier):
-        # Nothing earlier is open near these: they stay, and what is near them goes.
+        # points without an undecided earlier neighbour are selected, and drop their neighbours
         blocked = np.zeros(len(where), bool)
         blocked[later] = True
-        stay = open_ & ~blocked
-        kept |= stay
-        open_ &= ~stay
-        open_[later[stay[earlier]]] = False
-        both = open_[earlier] & open_[later]
+        chosen = undecided & ~blocked
+        selected |= chosen
+        undecided &= ~chosen
+        undecided[later[chosen[earlier]]] = False
+        both = undecided[earlier] & undecided[later]
         earlier, later = earlier[both], later[both]
-    kept |= open_
-    return np.flatnonzero(kept)[:limit]
+    selected |= undecided
+    return np.flatnonzero(selected)[:limit]

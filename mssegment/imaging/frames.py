@@ -1,4 +1,4 @@
-"""Find and open the frames: pictures, folders, globs, videos, or the frames of a document."""
+"""Find and open frames: pictures, folders, globs, videos, or the frames of a document."""
 
 from __future__ import annotations
 
@@ -18,48 +18,53 @@ import numpy as np
 
 from mssegment.errors import DataError, UsageError
 from mssegment.imaging import pictures
-from mssegment.imaging.pictures import Colour, Grey, Pixels
+from mssegment.imaging.pictures import GreyPicture, RgbPicture, StoredPicture
 from mssegment.imaging.videos import Video
 from mssegment.records import Frame, Record
 
 CACHE_BYTES = 256 * 2**20
-"""Decoded pictures are kept up to this many bytes; beyond it they are decoded again."""
+"""Decoded pictures are kept up to this many bytes; others are decoded again."""
+CACHED_GREYS = 4
+"""Grey pictures that are kept, of a sequence that is read frame by frame."""
 
 
-KEPT_GREYS = 4
+class _PictureCache:
+    """The most recently used decoded pictures, up to ``limit`` bytes."""
 
-
-class _Decoded:
-    """The pictures decoded last, up to ``most`` bytes."""
-
-    def __init__(self, most: float = CACHE_BYTES) -> None:
-        self._pictures: OrderedDict[Frame, Pixels] = OrderedDict()
+    def __init__(self, limit: float = CACHE_BYTES) -> None:
+        self._pictures: OrderedDict[Frame, StoredPicture] = OrderedDict()
         self._bytes = 0
-        self._most = most
+        self._limit = limit
 
-    def get(self, frame: Frame) -> Pixels | None:
+    def get(self, frame: Frame) -> StoredPicture | None:
         if frame in self._pictures:
             self._pictures.move_to_end(frame)
         return self._pictures.get(frame)
 
-    def keep(self, frame: Frame, picture: Pixels) -> None:
+    def keep(self, frame: Frame, picture: StoredPicture) -> None:
         self._bytes += picture.nbytes - (p.nbytes if (p := self.get(frame)) is not None else 0)
         self._pictures[frame] = picture
-        while len(self._pictures) > 1 and self._bytes > self._most:
+        while len(self._pictures) > 1 and self._bytes > self._limit:
             self._bytes -= self._pictures.popitem(last=False)[1].nbytes
 
 
 class FrameSource:
-    """An ordered set of frames of one size, whose pictures are decoded when asked for.
+    """A sequence of frames of one size, decoded on demand.
 
-    ``frames`` are the records that go into a document. ``grey(i)`` is the picture that corners
-    and matchers work on, ``colour(i)`` the one to draw on.
+    ``grey(i)`` is the picture for corners and matchers, ``colour(i)`` the one to draw on.
+
+    Parameters
+    ----------
+    frames : sequence of Frame
+        The records of the frames, as they go into a document.
+    decoded : optional
+        Pictures that are decoded already.
     """
 
-    def __init__(self, frames: Sequence[Frame], decoded: _Decoded | None = None) -> None:
+    def __init__(self, frames: Sequence[Frame], decoded: _PictureCache | None = None) -> None:
         self.frames = tuple(frames)
         self._videos: dict[str, Video] = {}
-        self._decoded = decoded if decoded is not None else _Decoded()
+        self._decoded = decoded if decoded is not None else _PictureCache()
         self._white: float | None = None
 
     def __len__(self) -> int:
@@ -67,25 +72,25 @@ class FrameSource:
 
     @property
     def size(self) -> tuple[int, int]:
-        """Width and height of every frame, pixels."""
+        """Width and height of the frames, pixels."""
         return self.frames[0].width, self.frames[0].height
 
-    def grey(self, index: int) -> Grey:
+    def grey(self, index: int) -> GreyPicture:
         """Frame ``index`` as float32 [height, width], 0 to 255."""
         picture = self.pixels(index)
         return pictures.to_grey(picture, self._white_level(picture))
 
-    def greys(self) -> Sequence[Grey]:
-        """Every frame, grey, each made when it is asked for: a long video need not fit memory."""
+    def greys(self) -> Sequence[GreyPicture]:
+        """All frames in grey, decoded on demand: a long video need not fit into memory."""
         return _Greys(self, range(len(self)))
 
-    def colour(self, index: int) -> Colour:
-        """Frame ``index`` as uint8 [height, width, 3], red first."""
+    def colour(self, index: int) -> RgbPicture:
+        """Frame ``index`` as uint8 [height, width, 3] in RGB order."""
         picture = self.pixels(index)
-        return pictures.to_colour(picture, self._white_level(picture))
+        return pictures.to_rgb(picture, self._white_level(picture))
 
-    def pixels(self, index: int) -> Pixels:
-        """Frame ``index`` as it is stored; ``DataError`` where its file changed or vanished."""
+    def pixels(self, index: int) -> StoredPicture:
+        """Frame ``index`` as stored; raises DataError if its file has changed or is missing."""
         frame = self.frames[index]
         picture = self._decoded.get(frame)
         if picture is None:
@@ -93,8 +98,8 @@ class FrameSource:
             self._decoded.keep(frame, picture)
         return picture
 
-    def _white_level(self, picture: Pixels) -> float:
-        """One level for all 16-bit frames: a level for each would make the light flicker."""
+    def _white_level(self, picture: StoredPicture) -> float:
+        """One level for all 16-bit frames: a level for each would make the brightness flicker."""
         if picture.dtype == np.uint8:
             return 255.0
         if self._white is None:
@@ -102,7 +107,7 @@ class FrameSource:
             self._white = pictures.white_level(next(p for p in deep if p.dtype != np.uint8))
         return self._white
 
-    def _decode(self, frame: Frame) -> Pixels:
+    def _decode(self, frame: Frame) -> StoredPicture:
         if frame.index is not None:
             if frame.path not in self._videos:
                 _check_sha256(frame, pictures.sha256(frame.path))
@@ -115,27 +120,27 @@ class FrameSource:
         height, width = picture.shape[:2]
         if (width, height) != (frame.width, frame.height):
             raise DataError(
-                f"{frame.path}: {width}x{height} pixels, but the document says "
-                f"{frame.width}x{frame.height}; run `mssegment detect` again"
+                f"{frame.path}: {width}x{height} pixels, expected {frame.width}x{frame.height} as "
+                "in the document; run `mssegment detect` again"
             )
         return picture
 
 
-class _Greys(Sequence[Grey]):
-    """The grey pictures of some frames; the last few asked for are kept."""
+class _Greys(Sequence[GreyPicture]):
+    """The grey pictures of some frames; the most recently used are cached."""
 
     def __init__(self, source: FrameSource, indices: range) -> None:
         self._indices = indices
-        self._grey = functools.lru_cache(maxsize=KEPT_GREYS)(source.grey)
+        self._grey = functools.lru_cache(maxsize=CACHED_GREYS)(source.grey)
 
     def __len__(self) -> int:
         return len(self._indices)
 
     @overload
-    def __getitem__(self, index: int) -> Grey: ...
+    def __getitem__(self, index: int) -> GreyPicture: ...
     @overload
-    def __getitem__(self, index: slice) -> Sequence[Grey]: ...
-    def __getitem__(self, index: int | slice) -> Grey | Sequence[Grey]:
+    def __getitem__(self, index: slice) -> Sequence[GreyPicture]: ...
+    def __getitem__(self, index: int | slice) -> GreyPicture | Sequence[GreyPicture]:
         if isinstance(index, slice):
             return [self._grey(i) for i in self._indices[index]]
         return self._grey(self._indices[index])
@@ -144,13 +149,13 @@ class _Greys(Sequence[Grey]):
 def _check_sha256(frame: Frame, found: str) -> None:
     if frame.sha256 and frame.sha256 != found:
         raise DataError(
-            f"{frame.path}: SHA-256 {found[:12]}..., but the document was made from "
-            f"{frame.sha256[:12]}...; put the same file there, or run `mssegment detect` again"
+            f"{frame.path}: SHA-256 {found[:12]}..., expected {frame.sha256[:12]}... as in the "
+            "document; restore the original file, or run `mssegment detect` again"
         )
 
 
 class _Range(Record, frozen=True):
-    """Which frames of a video, or of the list of pictures, are wanted."""
+    """Selected frames of a video, or of the list of pictures."""
 
     start: int
     stop: int | None
@@ -160,11 +165,11 @@ class _Range(Record, frozen=True):
     def checked(cls, start: int | None, stop: int | None, step: int | None) -> _Range:
         first, by = start or 0, 1 if step is None else step
         if first < 0:
-            raise UsageError(f"start is {first}, expected a frame number from 0")
+            raise UsageError(f"start is {first}, expected 0 or more")
         if by < 1:
             raise UsageError(f"step is {by}, expected 1 or more")
         if stop is not None and stop <= first:
-            raise UsageError(f"stop is {stop}, expected a number above start ({first})")
+            raise UsageError(f"stop is {stop}, expected more than start ({first})")
         return cls(first, stop, by)
 
     def __str__(self) -> str:
@@ -182,21 +187,39 @@ def open_frames(
 ) -> FrameSource:
     """Open pictures, folders of pictures, globs and video files as one sequence of frames.
 
-    ``start`` (from 0), ``stop`` (exclusive) and ``step`` choose frame numbers of each video, and
-    positions in the list of all pictures, which folders and globs bring in natural order
-    (frame-2 before frame-10). Every picture is decoded once, so that a broken one is named here.
+    Every picture is decoded once here, so that a damaged one is reported before work starts.
 
-    Raises ``DataError`` where a file is missing, empty, cut short or no picture, where sizes
-    differ, where the range holds nothing, or for fewer than ``at_least`` frames.
+    Parameters
+    ----------
+    inputs : sequence of str
+        Paths and patterns. Folders and globs give their pictures in natural order (frame-2 before
+        frame-10).
+    start, stop, step : int, optional
+        Select frames start, start + step, ... before stop, from 0: of the frame numbers of each
+        video, and of the list of all pictures.
+    at_least : int
+        Smallest number of frames.
+
+    Returns
+    -------
+    FrameSource
+
+    Raises
+    ------
+    UsageError
+        If there are no inputs, or ``start``, ``stop`` and ``step`` are no range.
+    DataError
+        If a file is missing, empty, damaged or no picture, if sizes differ, or if fewer than
+        ``at_least`` frames are selected.
     """
     chosen = _Range.checked(start, stop, step)
     if not inputs:
-        raise UsageError("no pictures given; expected files, a folder, a glob or a video")
+        raise UsageError("no pictures given; name picture files, a folder, a glob or a video")
     paths = [path for given in inputs for path in _expand(given)]
     are_videos = {path: not _is_picture(path) for path in dict.fromkeys(paths)}
     stills = [path for path in paths if not are_videos[path]]
     wanted = set(range(len(stills))[chosen.start : chosen.stop : chosen.step])
-    decoded = _Decoded()
+    decoded = _PictureCache()
     frames: list[Frame] = []
     still = 0
     for path in paths:
@@ -210,16 +233,25 @@ def open_frames(
     if len(frames) < at_least:
         raise DataError(
             f"{', '.join(inputs)}: {len(frames)} frame{'s' * (len(frames) != 1)} ({chosen}), "
-            f"expected at least {at_least}; name more pictures or widen the range"
+            f"expected at least {at_least}; add pictures or widen the range"
         )
     return FrameSource(frames, decoded)
 
 
 def reopen_frames(frames: Sequence[Frame], folder: str | None = None) -> FrameSource:
-    """Open the frames that a document names, checked against their SHA-256 when decoded.
+    """Open the frames that a document refers to.
 
-    A relative path is looked for as given, then in ``folder`` (that of the document). Raises
-    ``DataError`` at once where a file is missing.
+    Parameters
+    ----------
+    frames : sequence of Frame
+        Their records; the SHA-256 of a file is checked when it is decoded.
+    folder : str, optional
+        Folder in which relative paths are looked up if they do not exist as given.
+
+    Raises
+    ------
+    DataError
+        If a file is missing.
     """
     found: list[Frame] = []
     for frame in frames:
@@ -228,27 +260,27 @@ def reopen_frames(frames: Sequence[Frame], folder: str | None = None) -> FrameSo
             path = os.path.join(folder, path)
         if not os.path.exists(path):
             raise DataError(
-                f"{frame.path}: the document was made from this file and it is not here; "
-                "run from the folder where it was made, or copy the pictures there"
+                f"{frame.path}: no such file, but the document refers to it; "
+                "run in the folder where the document was made, or copy the pictures there"
             )
         found.append(Frame(path, frame.width, frame.height, frame.sha256, frame.index))
     return FrameSource(found)
 
 
-def frames_in_memory(frames: Sequence[Frame], pixels: Sequence[Pixels]) -> FrameSource:
-    """Pictures that are decoded already (blue first, as OpenCV has them) under their ``frames``.
+def frames_in_memory(frames: Sequence[Frame], pixels: Sequence[StoredPicture]) -> FrameSource:
+    """A source of decoded pictures, ``pixels`` in grey or BGR order, with their records.
 
-    Raises ``DataError`` where their sizes differ.
+    Raises DataError if their sizes differ.
     """
     _check_sizes(frames)
-    decoded = _Decoded(math.inf)  # what has no file cannot be decoded again
+    decoded = _PictureCache(math.inf)  # what has no file cannot be decoded again
     for frame, picture in zip(frames, pixels, strict=True):
         decoded.keep(frame, picture)
     return FrameSource(frames, decoded)
 
 
 def _expand(given: str) -> list[str]:
-    """The files that one argument stands for."""
+    """The files that one argument names."""
     if os.path.isdir(given):
         inside = [
             os.path.join(given, name)
@@ -256,46 +288,51 @@ def _expand(given: str) -> list[str]:
             if Path(name).suffix.lower() in pictures.PICTURE_SUFFIXES and not name.startswith(".")
         ]
         if not inside:
-            raise DataError(f"{given}: no pictures in this folder (PNG, JPEG, TIFF, BMP, ...)")
-        return sorted(inside, key=_natural)
+            raise DataError(
+                f"{given}: no pictures in this folder, expected PNG, JPEG, TIFF, BMP, ... files; "
+                "check the path"
+            )
+        return sorted(inside, key=_natural_key)
     if not os.path.exists(given) and glob.has_magic(given):
         matching = [path for path in glob.glob(given, recursive=True) if os.path.isfile(path)]
         if not matching:
-            raise DataError(f"{given}: no file matches this pattern")
-        return sorted(matching, key=_natural)
+            raise DataError(
+                f"{given}: no file matches this pattern; check it, and quote it in a shell"
+            )
+        return sorted(matching, key=_natural_key)
     return [given]
 
 
-def _natural(path: str) -> list[tuple[int, int, str]]:
-    """Sort key under which numbers inside names count as numbers."""
+def _natural_key(path: str) -> list[tuple[int, int, str]]:
+    """Sort key that compares numbers inside names by value."""
     parts = re.split(r"(\d+)", path)
     return [(1, int(p), p) if p.isdecimal() else (0, 0, p) for p in parts]
 
 
 def _is_picture(path: str) -> bool:
-    """Whether to decode a file as a picture; anything else is tried as a video."""
+    """Whether to decode a file as a picture; any other is opened as a video."""
     try:
         with Path(path).open("rb") as file:
             head = file.read(512)
     except OSError:
-        return True  # reading it will say what is wrong
+        return True  # reading it raises the error
     if not head or pictures.looks_like_picture(path, head):
         return True
-    if _is_text(head):  # FFmpeg would play it as a film of letters
+    if _is_text(head):  # FFmpeg would decode it as a video of characters
         raise DataError(
-            f"{path}: a text file, expected a picture or a video "
-            "(PNG, JPEG, TIFF, BMP, PGM, WebP; MP4, AVI, ...)"
+            f"{path}: a text file, expected a picture (PNG, JPEG, TIFF, BMP, PGM, WebP) or a video "
+            "(MP4, AVI, ...); check the path"
         )
     with pictures.quiet():
         return bool(cv2.haveImageReader(path))
 
 
 def _is_text(head: bytes) -> bool:
-    """Whether the first bytes are letters, digits and spaces throughout."""
+    """Whether the first bytes are all printable ASCII or white space."""
     return all(32 <= byte < 127 or byte in b"\t\n\r\f" for byte in head)
 
 
-def _open_picture(path: str, decoded: _Decoded) -> Frame:
+def _open_picture(path: str, decoded: _PictureCache) -> Frame:
     content = pictures.read_bytes(path)
     picture = pictures.decode(path, content)
     height, width = picture.shape[:2]
@@ -304,7 +341,7 @@ def _open_picture(path: str, decoded: _Decoded) -> Frame:
     return frame
 
 
-def _open_video(path: str, chosen: _Range, decoded: _Decoded) -> list[Frame]:
+def _open_video(path: str, chosen: _Range, decoded: _PictureCache) -> list[Frame]:
     digest = pictures.sha256(path)
     frames = []
     for index, picture in Video(path).select(chosen.start, chosen.stop, chosen.step):
@@ -312,7 +349,7 @@ def _open_video(path: str, chosen: _Range, decoded: _Decoded) -> list[Frame]:
         frames.append(Frame(path, width, height, digest, index))
         decoded.keep(frames[-1], picture)
     if not frames:
-        raise DataError(f"{path}: the video has no frame in the range ({chosen}); widen it")
+        raise DataError(f"{path}: the video has no frame in the range ({chosen}); widen the range")
     return frames
 
 

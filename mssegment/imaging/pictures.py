@@ -1,4 +1,4 @@
-"""Decode one picture file, of any kind that OpenCV reads, without letting it chatter on stderr."""
+"""Decode a picture file of any kind that OpenCV reads."""
 
 from __future__ import annotations
 
@@ -16,33 +16,34 @@ import numpy.typing as npt
 
 from mssegment.errors import DataError
 
-Grey = npt.NDArray[np.float32]
-"""A grey picture [height, width], 0 (black) to 255 (white) whatever the depth of the file."""
-Colour = npt.NDArray[np.uint8]
-"""A colour picture [height, width, 3], red first, 8 bits."""
-Pixels = npt.NDArray[np.generic]
+GreyPicture = npt.NDArray[np.float32]
+"""Grey values [height, width], 0 (black) to 255 (white) whatever the bit depth of the file."""
+RgbPicture = npt.NDArray[np.uint8]
+"""Red, green, blue [height, width, 3], 8 bits each."""
+StoredPicture = npt.NDArray[np.generic]
+"""A decoded file: [height, width] or BGR(A) [height, width, 3 or 4], 8 or 16 bits a channel."""
 
 PICTURE_SUFFIXES = frozenset(
     {".bmp", ".dib", ".gif", ".jp2", ".jpe", ".jpeg", ".jpg", ".pbm", ".pgm", ".png", ".pnm"}
     | {".ppm", ".tif", ".tiff", ".webp"}
 )
-"""What a folder's files must end with to be taken as pictures."""
+"""Files in a folder with one of these suffixes are taken as pictures."""
 
 _STDERR = threading.RLock()
 
 
 @contextlib.contextmanager
 def quiet() -> Iterator[None]:
-    """Keep what OpenCV, libpng and FFmpeg print on file descriptor 2 away from the user.
+    """Discard what OpenCV, libpng and FFmpeg write to file descriptor 2.
 
-    They write there from C, past ``sys.stderr``; every failure they would report is raised by us
-    as an error that names the file.
+    They write there from C, bypassing ``sys.stderr``. Every failure that they would report is
+    raised by the caller as an error that names the file.
     """
     with _STDERR:
         sys.stderr.flush()
         try:
             kept = os.dup(2)
-        except OSError:  # the process has no stderr: nothing to keep quiet
+        except OSError:  # the process has no stderr: nothing to discard
             yield
             return
         nowhere = os.open(os.devnull, os.O_WRONLY)
@@ -56,7 +57,7 @@ def quiet() -> Iterator[None]:
 
 
 def read_bytes(path: str) -> bytes:
-    """The whole file; ``DataError`` that names it where it is missing, empty or not readable."""
+    """The content of a file; raises DataError if it is missing, unreadable or empty."""
     try:
         content = Path(path).read_bytes()
     except FileNotFoundError:
@@ -64,14 +65,18 @@ def read_bytes(path: str) -> bytes:
     except OSError as failure:
         raise DataError(f"{path}: cannot be read ({failure.strerror}); check the path") from None
     if not content:
-        raise DataError(f"{path}: the file is empty (0 bytes), expected a picture or a video")
+        raise DataError(
+            f"{path}: the file is empty (0 bytes), expected a picture or a video; "
+            "copy or export it again"
+        )
     return content
 
 
 def sha256(path: str) -> str:
-    """SHA-256 of a file in hexadecimal, read in pieces (a video may be large)."""
+    """SHA-256 of a file in hexadecimal; raises DataError if it is missing or unreadable."""
     try:
         with Path(path).open("rb") as file:
+            # in pieces: a video may not fit into memory
             return hashlib.file_digest(file, "sha256").hexdigest()
     except FileNotFoundError:
         raise DataError(f"{path}: no such file; check the path") from None
@@ -80,40 +85,55 @@ def sha256(path: str) -> str:
 
 
 def looks_like_picture(path: str, head: bytes) -> bool:
-    """Whether the first bytes, or else the file's name, say that this is a picture."""
+    """Whether the first bytes of a file, or else its suffix, are those of a picture."""
     signatures = (b"\x89PNG", b"\xff\xd8\xff", b"BM", b"II*\0", b"MM\0*", b"GIF8")
     return head.startswith(signatures) or Path(path).suffix.lower() in PICTURE_SUFFIXES
 
 
-def decode(path: str, content: bytes) -> Pixels:
-    """The picture in ``content`` as stored: [h, w] or [h, w, 3 or 4], 8 or 16 bits, blue first.
+def decode(path: str, content: bytes) -> StoredPicture:
+    """Decode a picture, applying the orientation noted in a JPEG file.
 
-    The orientation that a camera notes in a JPEG file is applied. Raises ``DataError`` for a file
-    that is no picture, is cut short, or has another depth.
+    Parameters
+    ----------
+    path : str
+        Name of the file, for errors.
+    content : bytes
+        The whole file.
+
+    Returns
+    -------
+    uint8 or uint16 array [height, width] or [height, width, 3 or 4]
+        Grey, BGR or BGRA values as stored.
+
+    Raises
+    ------
+    DataError
+        If the content is no picture, is truncated, or has another depth than 8 or 16 bits.
     """
-    if not _is_whole(content):
+    if not _has_end(content):
         raise DataError(f"{path}: the picture is cut short or damaged; copy or export it again")
     jpeg = content.startswith(b"\xff\xd8")
-    how = cv2.IMREAD_ANYCOLOR | cv2.IMREAD_ANYDEPTH if jpeg else cv2.IMREAD_UNCHANGED
+    flags = cv2.IMREAD_ANYCOLOR | cv2.IMREAD_ANYDEPTH if jpeg else cv2.IMREAD_UNCHANGED
     try:
         with quiet():
-            picture = cv2.imdecode(np.frombuffer(content, np.uint8), how)
+            picture = cv2.imdecode(np.frombuffer(content, np.uint8), flags)
     except cv2.error:
         picture = None
     if picture is None or picture.size == 0:
-        kind = "cut short or damaged" if looks_like_picture(path, content[:8]) else "no picture"
+        found = "cut short or damaged" if looks_like_picture(path, content[:8]) else "not a picture"
         raise DataError(
-            f"{path}: {kind}, expected a whole PNG, JPEG, TIFF, BMP, PGM or WebP file; "
+            f"{path}: {found}, expected a complete PNG, JPEG, TIFF, BMP, PGM or WebP file; "
             "copy or export it again"
         )
     if picture.dtype not in (np.uint8, np.uint16):
         raise DataError(
-            f"{path}: {picture.dtype} pixels, expected 8 or 16 bits a channel; convert the picture"
+            f"{path}: {picture.dtype} pixels, expected 8 or 16 bits per channel; "
+            "convert the picture"
         )
     return np.asarray(picture)
 
 
-def _is_whole(content: bytes) -> bool:
+def _has_end(content: bytes) -> bool:
     """Whether a PNG or JPEG has its end marker: some decoders fill what is missing with grey."""
     if content.startswith(b"\x89PNG"):
         return content.find(b"IEND", len(content) // 2) >= 0 or b"IEND" in content
@@ -122,18 +142,18 @@ def _is_whole(content: bytes) -> bool:
     return True
 
 
-def white_level(picture: Pixels) -> float:
-    """The value of full white: 255, or for 16 bits the least 2^b - 1 that nothing exceeds.
+def white_level(picture: StoredPicture) -> float:
+    """The value of white: 255 for 8 bits, else the least 2**b - 1 that no value exceeds.
 
-    Cameras store 10, 12 or 14 bits in 16; dividing them by 65535 would leave a black picture.
+    Cameras store 10, 12 or 14 bits in 16; dividing them by 65535 would give a black picture.
     """
     if picture.dtype == np.uint8:
         return 255.0
     return float(2 ** max(8, int(picture.max()).bit_length()) - 1)
 
 
-def _opaque(picture: Pixels, white: float) -> npt.NDArray[np.float32]:
-    """Colour (or grey) 0..255 with the transparent parts laid over white, as viewers show them."""
+def _opaque(picture: StoredPicture, white: float) -> npt.NDArray[np.float32]:
+    """Values 0 to 255, with transparent parts blended over white as viewers show them."""
     values = np.asarray(picture, np.float32) * np.float32(255.0 / white)
     if values.ndim == 3 and values.shape[2] == 4:
         full = 255.0 if picture.dtype == np.uint8 else 65535.0
@@ -142,16 +162,19 @@ def _opaque(picture: Pixels, white: float) -> npt.NDArray[np.float32]:
     return values
 
 
-def to_grey(picture: Pixels, white: float | None = None) -> Grey:
-    """Grey values 0..255 (float32) of a decoded picture; fractions of 16-bit values are kept."""
+def to_grey(picture: StoredPicture, white: float | None = None) -> GreyPicture:
+    """Grey values [height, width], 0 to 255, without rounding 16-bit values.
+
+    ``white`` is the value of white, by default that of ``white_level``.
+    """
     values = _opaque(picture, white or white_level(picture))
     if values.ndim == 3:
         values = np.asarray(cv2.cvtColor(values, cv2.COLOR_BGR2GRAY), np.float32)
     return np.ascontiguousarray(values, np.float32)
 
 
-def to_colour(picture: Pixels, white: float | None = None) -> Colour:
-    """Red, green, blue, 8 bits each, of a decoded picture."""
+def to_rgb(picture: StoredPicture, white: float | None = None) -> RgbPicture:
+    """Red, green and blue [height, width, 3], 8 bits each; ``white`` as in ``to_grey``."""
     values = np.clip(np.rint(_opaque(picture, white or white_level(picture))), 0, 255)
     values = np.repeat(values[..., None], 3, axis=2) if values.ndim == 2 else values[..., ::-1]
     return np.ascontiguousarray(values, np.uint8)

@@ -1,4 +1,4 @@
-"""A pyramid of pictures, each smaller than the one before by a factor sqrt(2)."""
+"""Image pyramid: each level is smaller than the one before by a factor of sqrt(2)."""
 
 from __future__ import annotations
 
@@ -7,27 +7,36 @@ import math
 import cv2
 import numpy as np
 
-from mssegment.imaging.pictures import Grey
+from mssegment.imaging.pictures import GreyPicture
 from mssegment.records import Floats, Record
 
 FACTOR = 2**0.5
-SMALLEST = 16
-"""Levels stop before a side falls below this many pixels."""
+MIN_LEVEL_SIDE = 16
+"""Pixels; levels stop before a side falls below this."""
 
 
 class Level(Record, frozen=True):
-    """One level: its picture, and how many pixels of the original one of its pixels spans.
+    """One level of a pyramid.
 
-    ``scale`` is nominal (a power of sqrt 2); ``ratio`` (x, y) is the exact one, which differs a
-    little because sizes are whole numbers.
+    Parameters
+    ----------
+    grey : float32 array [height, width]
+        The smaller picture.
+    scale : float
+        Nominal size of its pixels in pixels of the original, a power of sqrt(2).
+    ratio : float array [2]
+        Exact size (x, y) of its pixels; it differs a little because sizes are whole numbers.
     """
 
-    grey: Grey
+    grey: GreyPicture
     scale: float
     ratio: Floats
 
     def to_picture(self, points: Floats) -> Floats:
-        """Positions [..., 2] on this level as positions in the original; pixel centres whole."""
+        """Positions [..., 2] on this level as positions in the original.
+
+        In both, the centre of the first pixel is at (0, 0).
+        """
         return np.asarray((points + 0.5) * self.ratio - 0.5)
 
     def from_picture(self, points: Floats) -> Floats:
@@ -35,25 +44,28 @@ class Level(Record, frozen=True):
         return np.asarray((points + 0.5) / self.ratio - 0.5)
 
 
-def size_unit(grey: Grey) -> float:
-    """How much larger than 640x480 a picture is, as a factor of its sides; 1 for smaller ones.
+def size_unit(grey: GreyPicture) -> float:
+    """Size of a picture relative to 640 x 480, as a factor of its sides; at least 1.
 
     Distances between neighbouring matches grow with the picture; the size of a window does not.
     """
     return max(1.0, math.sqrt(grey.shape[0] * grey.shape[1] / (640 * 480)))
 
 
-def build_pyramid(grey: Grey, levels: int) -> list[Level]:
-    """The picture and ``levels`` - 1 smaller ones, fewer where it would become too small."""
+def build_pyramid(grey: GreyPicture, levels: int) -> list[Level]:
+    """The picture [height, width] and ``levels`` - 1 smaller ones, finest first.
+
+    Fewer levels where the next one would have a side of less than 16 pixels.
+    """
     height, width = grey.shape
     original = np.ascontiguousarray(grey, np.float32)
     pyramid = [Level(original, 1.0, np.ones(2))]
     for number in range(1, levels):
         scale = FACTOR**number
         size = (round(width / scale), round(height / scale))
-        if min(size) < SMALLEST:
+        if min(size) < MIN_LEVEL_SIDE:
             break
-        # Each level comes from the one before; sigma 0.7 keeps what would alias below one percent.
+        # each level comes from the one before; sigma 0.7 keeps aliasing below one percent
         smooth = cv2.GaussianBlur(pyramid[-1].grey, (5, 5), 0.7)
         smaller = cv2.resize(smooth, size, interpolation=cv2.INTER_LINEAR)
         ratio = np.array([width / size[0], height / size[1]])

@@ -1,4 +1,4 @@
-"""How many threads OpenCV works on."""
+"""The number of threads that OpenCV uses."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ import cv2
 
 @contextmanager
 def threads_for(frames: int) -> Iterator[None]:
-    """One thread for two views, OpenCV's own number for a sequence.
+    """Within the context OpenCV uses one thread for two views, its own number for a sequence.
 
-    Two views are matched in thousands of small steps. Between them the other threads wait
-    actively: that took a third more of the processors' time and saved none on the clock.
+    Two views are matched in thousands of small steps, between which idle threads keep spinning:
+    more threads took a third more CPU time and saved no wall-clock time.
     """
     usual = cv2.getNumThreads()
     cv2.setNumThreads(1 if frames == 2 else usual)

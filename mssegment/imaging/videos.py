@@ -1,4 +1,4 @@
-"""Read numbered frames of a video file: forwards only, since seeking is not exact in OpenCV."""
+"""Numbered frames of a video file, read forwards: seeking is not exact in OpenCV."""
 
 from __future__ import annotations
 
@@ -9,19 +9,28 @@ import cv2
 import numpy as np
 
 from mssegment.errors import DataError
-from mssegment.imaging.pictures import Pixels, quiet
+from mssegment.imaging.pictures import StoredPicture, quiet
 
 
 class Video:
-    """Frames of one video file by number (0-based)."""
+    """The frames of one video file by number, from 0.
+
+    Parameters
+    ----------
+    path : str
+        The file; it is opened on first use.
+    """
 
     def __init__(self, path: str) -> None:
         self.path = path
         self._capture: cv2.VideoCapture | None = None
         self._next = 0
 
-    def read(self, index: int) -> Pixels:
-        """Frame ``index`` [h, w, 3], blue first; ``DataError`` where the video is shorter."""
+    def read(self, index: int) -> StoredPicture:
+        """Frame ``index`` as uint8 [height, width, 3] in BGR order.
+
+        Raises DataError if the file cannot be opened or has fewer frames.
+        """
         if self._capture is None or index < self._next:
             self._open()
         with quiet():
@@ -30,15 +39,17 @@ class Video:
             picture = self._retrieve() if self._next == index and self._grab() else None
         if picture is None:
             raise DataError(
-                f"{self.path}: cannot read frame {index}, the video has {self._next} frames "
-                "that can be decoded"
+                f"{self.path}: frame {index} cannot be read, only {self._next} frames can be "
+                "decoded; choose frames within that range"
             )
         return picture
 
-    def select(self, start: int, stop: int | None, step: int) -> Iterator[tuple[int, Pixels]]:
-        """Number and picture of each frame of the range that is really in the file.
+    def select(
+        self, start: int, stop: int | None, step: int
+    ) -> Iterator[tuple[int, StoredPicture]]:
+        """Yield number and picture of every ``step``-th frame from ``start`` to before ``stop``.
 
-        Counts by decoding: the number of frames that a file states is often wrong.
+        Frames are counted by decoding, since the frame count in a file is often wrong.
         """
         self._open()
         for index in itertools.count():
@@ -53,7 +64,7 @@ class Video:
                 yield index, picture
 
     def close(self) -> None:
-        """Give the file back to the system."""
+        """Close the file."""
         if self._capture is not None:
             self._capture.release()
             self._capture = None
@@ -65,8 +76,8 @@ class Video:
             opened = capture.isOpened()
         if not opened:
             raise DataError(
-                f"{self.path}: neither a picture nor a video that OpenCV can read; "
-                "convert it (PNG, JPEG, MP4 and AVI work everywhere)"
+                f"{self.path}: neither a picture nor a video that OpenCV can read; convert it "
+                "(PNG, JPEG, MP4 and AVI work everywhere)"
             )
         self._capture, self._next = capture, 0
 
@@ -77,7 +88,7 @@ class Video:
         self._next += 1
         return True
 
-    def _retrieve(self) -> Pixels | None:
+    def _retrieve(self) -> StoredPicture | None:
         assert self._capture is not None
         good, picture = self._capture.retrieve()
         return np.asarray(picture) if good and picture is not None else None

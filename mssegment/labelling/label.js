@@ -2,21 +2,21 @@
 (async () => {
   const $ = (id) => document.getElementById(id);
   const state = await (await fetch("state.json")).json();
-  const { frames, looks } = state;
+  const { frames, styles } = state;
   const polygons = state.polygons;
-  const colours = new Map(looks.map((look) => [look.label, look.colour]));
-  const glyphs = new Map(looks.map((look) => [look.label, look.glyph]));
+  const colours = new Map(styles.map((style) => [style.label, style.colour]));
+  const glyphs = new Map(styles.map((style) => [style.label, style.glyph]));
   const NONE = 0, IGNORE = 255;
   const canvas = $("canvas"), context = canvas.getContext("2d");
-  let frame = 0, corners = [], cross = null, unsaved = false;
+  let frame = 0, vertices = [], crosshair = null, unsaved = false;
 
-  const named = (label) =>
-    label === NONE ? "none (cut out)" : label === IGNORE ? "ignore" : `${glyphs.get(label) ?? ""} motion ${label}`;
+  const nameOf = (label) =>
+    label === NONE ? "no motion (erase)" : label === IGNORE ? "ignore" : `${glyphs.get(label) ?? ""} motion ${label}`;
   const colourOf = (label) => (label === NONE ? "#000000" : label === IGNORE ? "#8a8a93" : colours.get(label) ?? "#ffffff");
   for (const label of [...Array(20).keys()].map((i) => i + 1).concat([NONE, IGNORE])) {
     const option = document.createElement("option");
     option.value = String(label);
-    option.textContent = named(label);
+    option.textContent = nameOf(label);
     $("label").append(option);
   }
 
@@ -56,10 +56,10 @@
       stroke(colourOf(label), 2);
     }
     const colour = colourOf(Number($("label").value));
-    if (corners.length) {
-      outline(cross ? [...corners, cross] : corners, false);
+    if (vertices.length) {
+      outline(crosshair ? [...vertices, crosshair] : vertices, false);
       stroke(colour, 2);
-      for (const [x, y] of corners) {
+      for (const [x, y] of vertices) {
         context.beginPath();
         context.arc((x + 0.5) * scale(), (y + 0.5) * scale(), 4, 0, 2 * Math.PI);
         context.fillStyle = colour;
@@ -67,8 +67,8 @@
         stroke("#111", 1);
       }
     }
-    if (cross) {
-      const [x, y] = cross.map((value) => (value + 0.5) * scale());
+    if (crosshair) {
+      const [x, y] = crosshair.map((value) => (value + 0.5) * scale());
       context.beginPath();
       context.moveTo(x - 12, y);
       context.lineTo(x + 12, y);
@@ -80,11 +80,11 @@
   function list() {
     $("list").replaceChildren(...polygons[frame].map((polygon, i) => {
       const item = document.createElement("li");
-      item.textContent = `${named(polygon.label)}, ${polygon.points.length} corners`;
+      item.textContent = `${nameOf(polygon.label)}, ${polygon.points.length} vertices`;
       const remove = document.createElement("button");
       remove.type = "button";
       remove.textContent = "Delete";
-      remove.setAttribute("aria-label", `Delete polygon ${i + 1}, ${named(polygon.label)}`);
+      remove.setAttribute("aria-label", `Delete polygon ${i + 1}, ${nameOf(polygon.label)}`);
       remove.addEventListener("click", () => {
         polygons[frame].splice(i, 1);
         changed();
@@ -98,11 +98,11 @@
     list();
     draw();
   }
-  const say = (text) => { $("status").textContent = text; };
+  const showStatus = (text) => { $("status").textContent = text; };
 
   function show(index) {
     frame = Math.min(Math.max(index, 0), frames.length - 1);
-    corners = [];
+    vertices = [];
     $("photo").src = `frame-${frame}.jpg`;
     $("photo").alt = `Frame ${frame + 1}: ${frames[frame].name}`;
     $("photo").width = frames[frame].width;
@@ -114,26 +114,26 @@
     fit();
   }
   function add(point) {
-    corners.push(point);
+    vertices.push(point);
     draw();
   }
   function close() {
-    // a double click sets the last corner twice
+    // a double-click adds the last vertex twice
     const near = ([ax, ay], [bx, by]) => Math.hypot(ax - bx, ay - by) < 1;
-    corners = corners.filter((corner, i) => i === 0 || !near(corner, corners[i - 1]));
-    if (corners.length < 3) return say("A polygon needs at least three corners.");
-    polygons[frame].push({ label: Number($("label").value), points: corners });
-    say(`Polygon ${polygons[frame].length}: ${named(Number($("label").value))}.`);
-    corners = [];
+    vertices = vertices.filter((vertex, i) => i === 0 || !near(vertex, vertices[i - 1]));
+    if (vertices.length < 3) return showStatus("A polygon needs at least three vertices.");
+    polygons[frame].push({ label: Number($("label").value), points: vertices });
+    showStatus(`Added polygon ${polygons[frame].length}: ${nameOf(Number($("label").value))}.`);
+    vertices = [];
     changed();
   }
   function undo() {
-    if (corners.length) corners.pop();
-    else if (polygons[frame].length) corners = polygons[frame].pop().points;
+    if (vertices.length) vertices.pop();
+    else if (polygons[frame].length) vertices = polygons[frame].pop().points;
     changed();
   }
   async function save() {
-    if (corners.length >= 3) close();
+    if (vertices.length >= 3) close();
     try {
       const answer = await fetch("save", {
         method: "POST",
@@ -141,10 +141,10 @@
         body: JSON.stringify({ frames: polygons }),
       });
       const text = await answer.text();
-      say(answer.ok ? text : `Not saved: ${text}`);
+      showStatus(answer.ok ? text : `Not saved: ${text}`);
       unsaved = unsaved && !answer.ok;
     } catch {
-      say("Not saved: the program in the terminal has ended.");
+      showStatus("Not saved: the program in the terminal has stopped.");
     }
   }
 
@@ -158,15 +158,15 @@
       clamp((event.clientY - box.top) * ratio - 0.5, frames[frame].height),
     ];
   };
-  stage.addEventListener("pointermove", (event) => { cross = where(event); draw(); });
-  stage.addEventListener("pointerleave", () => { cross = null; draw(); });
+  stage.addEventListener("pointermove", (event) => { crosshair = where(event); draw(); });
+  stage.addEventListener("pointerleave", () => { crosshair = null; draw(); });
   stage.addEventListener("click", (event) => { add(where(event)); });
   stage.addEventListener("dblclick", close);
   const middle = () => [frames[frame].width / 2, frames[frame].height / 2];
   const move = (dx, dy, far) => {
-    const [x, y] = cross ?? middle();
+    const [x, y] = crosshair ?? middle();
     const step = far ? 1 : Math.max(4, frames[frame].width / 100);
-    cross = [
+    crosshair = [
       Math.min(Math.max(x + dx * step, 0), frames[frame].width - 1),
       Math.min(Math.max(y + dy * step, 0), frames[frame].height - 1),
     ];
@@ -180,10 +180,10 @@
       ArrowRight: () => move(1, 0, event.shiftKey),
       ArrowUp: () => move(0, -1, event.shiftKey),
       ArrowDown: () => move(0, 1, event.shiftKey),
-      " ": () => add(cross ?? middle()),
+      " ": () => add(crosshair ?? middle()),
       Enter: close,
       Backspace: undo,
-      Escape: () => { corners = []; draw(); },
+      Escape: () => { vertices = []; draw(); },
       ",": () => show(frame - 1),
       ".": () => show(frame + 1),
       s: save,

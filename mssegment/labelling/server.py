@@ -1,8 +1,8 @@
-"""A web server for one person on this machine: loopback only, a fixed list of addresses.
+"""The web server of the labelling page: for one user, on the loopback address only.
 
-It opens no file by a name that comes from a request, answers only requests whose Host is its own
-(so that no web site can reach it through a name that points to this machine), and takes labels
-only from its own page. A secret part of the address keeps other users of the machine out.
+It opens no file by a name from a request. It answers only requests whose Host header is its own,
+so that no web site can reach it through a name that resolves to this machine, and accepts polygons
+from its own page only. A secret in the URL keeps other users of the machine out.
 """
 
 from __future__ import annotations
@@ -23,19 +23,35 @@ from mssegment.errors import DataError, MssegmentError, UsageError
 from mssegment.labelling import masks
 from mssegment.records import Frame
 from mssegment.rendering.report import PictureOf
-from mssegment.rendering.style import hexadecimal, mark
+from mssegment.rendering.style import hexadecimal, label_style
 
 LOOPBACK = "127.0.0.1"
-LARGEST_REQUEST = 16_000_000
-_KINDS = {"html": "text/html", "css": "text/css", "js": "text/javascript"}
+MAX_REQUEST_BYTES = 16_000_000
+_CONTENT_TYPES = {"html": "text/html", "css": "text/css", "js": "text/javascript"}
 
 
 class LabelServer(ThreadingHTTPServer):
-    """Serves the labelling page for ``frames`` and saves masks into ``folder``.
+    """Serves the labelling page and saves masks.
 
-    ``port`` 0 takes any free port; ``url`` is where the page is. ``saved`` is called with the
-    names of the files after each save. Raises UsageError where the port is taken or the folder
-    cannot be written, DataError where it holds polygons of other frames.
+    Parameters
+    ----------
+    frames : sequence of Frame
+        The frames.
+    pictures : callable
+        Gives the picture of a frame (BGR) by its index, or None.
+    folder : str
+        Folder of the masks and the polygons; created if it does not exist.
+    port : int
+        Port on the loopback address; 0 selects a free one.
+    saved : callable, optional
+        Called with the names of the files after each save.
+
+    Raises
+    ------
+    UsageError
+        If the port is in use, or the folder cannot be written or holds masks from elsewhere.
+    DataError
+        If the folder holds polygons of other frames.
     """
 
     daemon_threads = True
@@ -57,21 +73,24 @@ class LabelServer(ThreadingHTTPServer):
             super().__init__((LOOPBACK, port), _Handler)
         except OSError as error:
             raise UsageError(
-                f"port {port} cannot be used ({error.strerror}); choose another, or 0 for any"
+                f"port {port}: cannot be used ({error.strerror}); choose another, or 0 for any"
             ) from None
 
     @property
     def url(self) -> str:
-        """The address of the page."""
+        """The URL of the page."""
         return f"http://{LOOPBACK}:{self.server_port}/{self.secret}/"
 
     @property
     def hosts(self) -> tuple[str, ...]:
-        """What the Host header of a request may say."""
+        """The accepted Host headers."""
         return f"{LOOPBACK}:{self.server_port}", f"localhost:{self.server_port}"
 
     def save(self, content: bytes) -> list[str]:
-        """Writes the masks and the polygons; the names of the files. Raises DataError."""
+        """Write masks and polygons from the JSON of a request; returns the names of the files.
+
+        Raises DataError if the polygons are invalid.
+        """
         drawing = masks.read_drawing(content, self.frames)
         files = masks.mask_files(drawing, self.frames)
         files[masks.POLYGONS] = masks.encode_drawing(drawing)
@@ -93,7 +112,10 @@ def serve(
     ready: Callable[[str], None] | None = None,
     saved: Callable[[list[str]], None] | None = None,
 ) -> None:
-    """Serves the page until Ctrl-C (KeyboardInterrupt goes through); ``ready`` gets its address."""
+    """Serve the labelling page until KeyboardInterrupt, which is passed on.
+
+    ``ready`` is called with the URL; the other parameters are those of ``LabelServer``.
+    """
     with LabelServer(frames, pictures, folder, port=port, saved=saved) as server:
         if ready is not None:
             ready(server.url)
@@ -101,11 +123,13 @@ def serve(
 
 
 def _earlier_drawing(folder: Path, frames: Sequence[Frame]) -> masks.Drawing:
-    """The polygons that the folder holds, or none; makes the folder."""
+    """The polygons saved in the folder, if any; creates the folder."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise UsageError(f"{folder}: cannot be made ({error.strerror}); choose another") from None
+        raise UsageError(
+            f"{folder}: cannot be created ({error.strerror}); choose another folder with --out"
+        ) from None
     earlier = folder / masks.POLYGONS
     if earlier.exists():
         try:
@@ -113,7 +137,10 @@ def _earlier_drawing(folder: Path, frames: Sequence[Frame]) -> masks.Drawing:
         except DataError as error:
             raise DataError(f"{earlier}: {error}; choose another folder with --out") from None
     if any(folder.glob("mask-*.png")):
-        raise UsageError(f"{folder}: holds masks that this page did not draw; choose another --out")
+        raise UsageError(
+            f"{folder}: holds masks that this page did not draw, expected none; "
+            "choose another folder with --out"
+        )
     return masks.Drawing([[] for _ in frames])
 
 
@@ -136,37 +163,39 @@ class _Handler(BaseHTTPRequestHandler):
     }
 
     def do_GET(self) -> None:
-        """The page, its parts, or a frame; anything else is refused."""
-        asked = self._asked()
-        if asked is None:
+        """Send the page, one of its files, or a frame; refuse anything else."""
+        requested = self._requested()
+        if requested is None:
             return
-        if asked in ("", "label.css", "label.js"):
-            name = asked or "label.html"
+        if requested in ("", "label.css", "label.js"):
+            name = requested or "label.html"
             content = resources.files(__package__).joinpath(name).read_bytes()
-            self._answer(HTTPStatus.OK, content, _KINDS[name.rpartition(".")[2]])
-        elif asked == "state.json":
-            state = masks.state_of(self.server.frames, self.server.drawing, _looks())
+            self._answer(HTTPStatus.OK, content, _CONTENT_TYPES[name.rpartition(".")[2]])
+        elif requested == "state.json":
+            state = masks.initial_state(self.server.frames, self.server.drawing, _label_styles())
             self._answer(HTTPStatus.OK, state, "application/json")
-        elif asked in {f"frame-{i}.jpg" for i in range(len(self.server.frames))}:
-            content = self._frame(int(asked[6:-4]))
+        elif requested in {f"frame-{i}.jpg" for i in range(len(self.server.frames))}:
+            content = self._frame(int(requested[6:-4]))
             self._answer(HTTPStatus.OK, content, "image/jpeg")
         else:
-            self._refuse(HTTPStatus.NOT_FOUND, "there is nothing here")
+            self._refuse(HTTPStatus.NOT_FOUND, "not found")
 
     def do_POST(self) -> None:
-        """Takes the polygons from our own page and writes the masks."""
-        asked = self._asked()
-        if asked is None:
+        """Receive polygons from the page and write the masks."""
+        requested = self._requested()
+        if requested is None:
             return
         length = self.headers.get("Content-Length", "")
-        if asked != "save":
-            self._refuse(HTTPStatus.NOT_FOUND, "there is nothing here")
+        if requested != "save":
+            self._refuse(HTTPStatus.NOT_FOUND, "not found")
         elif self.headers.get("Origin") not in {f"http://{host}" for host in self.server.hosts}:
-            self._refuse(HTTPStatus.FORBIDDEN, "only the page itself may save")
+            self._refuse(HTTPStatus.FORBIDDEN, "only the labelling page can save")
         elif self.headers.get("Content-Type") != "application/json":
-            self._refuse(HTTPStatus.UNSUPPORTED_MEDIA_TYPE, "JSON was expected")
-        elif not length.isdecimal() or int(length) > LARGEST_REQUEST:
-            self._refuse(HTTPStatus.REQUEST_ENTITY_TOO_LARGE, "too many polygons")
+            self._refuse(HTTPStatus.UNSUPPORTED_MEDIA_TYPE, "expected JSON")
+        elif not length.isdecimal() or int(length) > MAX_REQUEST_BYTES:
+            self._refuse(
+                HTTPStatus.REQUEST_ENTITY_TOO_LARGE, f"expected at most {MAX_REQUEST_BYTES} bytes"
+            )
         else:
             self._save(self.rfile.read(int(length)))
 
@@ -176,22 +205,23 @@ class _Handler(BaseHTTPRequestHandler):
         except MssegmentError as error:
             self._refuse(HTTPStatus.BAD_REQUEST, str(error))
             return
-        text = f"saved {', '.join(names)} in {self.server.folder}"
+        text = f"Saved {', '.join(names)} in {self.server.folder}"
         self._answer(HTTPStatus.OK, text.encode(), "text/plain")
 
-    def _asked(self) -> str | None:
-        """What is asked for below the secret part of the address; None if that was refused."""
+    def _requested(self) -> str | None:
+        """The path below the secret part of the URL; None if the request was refused."""
         if self.headers.get("Host") not in self.server.hosts:
-            self._refuse(HTTPStatus.FORBIDDEN, "this page is for this machine only")
+            self._refuse(HTTPStatus.FORBIDDEN, "only requests from this machine are accepted")
             return None
         prefix = f"/{self.server.secret}/"
         path = self.path
         if not secrets.compare_digest(path[: len(prefix)].encode(), prefix.encode()):
-            self._refuse(HTTPStatus.NOT_FOUND, "there is nothing here")
+            self._refuse(HTTPStatus.NOT_FOUND, "not found")
             return None
         return path[len(prefix) :]
 
     def _frame(self, index: int) -> bytes:
+        """A frame as JPEG, blank if its picture is not available."""
         picture = self.server.pictures(index)
         if picture is None:
             frame = self.server.frames[index]
@@ -200,7 +230,7 @@ class _Handler(BaseHTTPRequestHandler):
         return bytes(cv2.imencode(".jpg", np.ascontiguousarray(picture), options)[1].tobytes())
 
     def _refuse(self, status: HTTPStatus, text: str) -> None:
-        self.close_connection = True  # what is left of the request is not read
+        self.close_connection = True  # the rest of the request is not read
         self._answer(status, text.encode(), "text/plain")
 
     def _answer(self, status: HTTPStatus, content: bytes, kind: str) -> None:
@@ -216,12 +246,16 @@ class _Handler(BaseHTTPRequestHandler):
         self.wfile.write(content)
 
     def log_message(self, format: str, *args: object) -> None:
-        """Nothing: the terminal is for the user."""
+        """Do not log: the terminal is for the user."""
 
 
-def _looks() -> list[dict[str, object]]:
-    """The colours of the first labels, as everywhere."""
+def _label_styles() -> list[dict[str, object]]:
+    """Colours and glyphs of the labels."""
     return [
-        {"label": label, "colour": hexadecimal(mark(label).colour), "glyph": mark(label).glyph}
+        {
+            "label": label,
+            "colour": hexadecimal(label_style(label).colour),
+            "glyph": label_style(label).glyph,
+        }
         for label in range(1, 57)
     ]

@@ -1,9 +1,9 @@
-"""Tables, annotated pictures, videos and the HTML page.
+"""Tables, annotated pictures, videos and the HTML page of a segmentation.
 
-``report`` gathers what is to be shown and is the only input of the others: ``tables`` are plain
-strings, ``pictures`` are scenes (``scene``) that ``raster`` and ``svg`` paint, ``page`` is one HTML
-file, ``labelling`` the local page on which a person labels, ``compare`` several results side by
-side. Colours, shapes and line widths live in ``style`` and nowhere else.
+``report`` gathers what is shown and is the only input of the other modules. ``tables`` gives
+plain strings; ``pictures`` composes scenes (``scene``), which ``raster`` and ``svg`` draw; ``page``
+writes one HTML file; ``compare`` puts several results side by side. Colours, shapes and line
+widths are defined in ``style`` alone.
 
-Nothing is imported here: each command loads only what it draws.
+Nothing is imported here, so that each command loads only what it draws.
 """

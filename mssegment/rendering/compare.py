@@ -1,7 +1,7 @@
-"""Several segmentations side by side: seeds, parameters, models.
+"""Several segmentations side by side: seeds, settings, models.
 
-The documents need not have the same tracks; where they do, it is also said how much two of them
-agree, whichever way their motions are numbered.
+The documents may have different tracks. Where they have the same ones, the share of tracks that
+differ is given too, whatever the numbering of the motions.
 """
 
 from __future__ import annotations
@@ -22,16 +22,24 @@ from mssegment.rendering.report import Report
 from mssegment.rendering.scene import Label, Scene
 from mssegment.rendering.tables import FORMATS, Table, fixed, format_table
 
-COLUMNS = 3
-"""At most so many pictures in a row; four go two by two."""
+MAX_COLUMNS = 3
+"""Pictures in a row; four are arranged two by two."""
 
 
 def comparison_table(names: Sequence[str], reports: Sequence[Report]) -> Table:
-    """One row per segmentation: what it found, how well it fits, how far it is from the first."""
-    truth = any(report.evaluation for report in reports)
+    """One row per segmentation: its motions, how well they fit, and the difference from the first.
+
+    Parameters
+    ----------
+    names : sequence of str
+        Names of the segmentations, for the first column.
+    reports : sequence of Report
+        Their reports.
+    """
+    with_truth = any(report.evaluation for report in reports)
     header = ["segmentation", "model", "tracks", "motions", "outliers", "rms px"]
-    header += ["wrong %"] if truth else []
-    header += ["differs from first %"]
+    header += ["misclassified %"] if with_truth else []
+    header += ["difference from first %"]
     rows = []
     for name, report in zip(names, reports, strict=True):
         models = dict.fromkeys(motion.model for motion in report.motions)
@@ -44,7 +52,7 @@ def comparison_table(names: Sequence[str], reports: Sequence[Report]) -> Table:
             str(len(report.members(OUTLIER))),
             fixed(_rms(report.motions), 2),
         ]
-        if truth:
+        if with_truth:
             row.append("-" if evaluation is None else f"{100 * evaluation.misclassification:.2f}")
         row.append(fixed(_difference(report, reports[0]), 2))
         rows.append(tuple(row))
@@ -52,7 +60,7 @@ def comparison_table(names: Sequence[str], reports: Sequence[Report]) -> Table:
 
 
 def _rms(motions: Sequence[Motion]) -> float | None:
-    """The root mean square residual over all inliers of all motions, in pixels."""
+    """Root mean square residual of the inliers of all motions, pixels; None without any."""
     counts = np.array([len(motion.inliers) for motion in motions], dtype=np.float64)
     if not counts.sum():
         return None
@@ -61,7 +69,7 @@ def _rms(motions: Sequence[Motion]) -> float | None:
 
 
 def _difference(report: Report, first: Report) -> float | None:
-    """The share of tracks (percent) that differ on the best matching; None for other tracks."""
+    """Percentage of tracks that differ after matching motions; None if the tracks differ."""
     if report.labels.shape != first.labels.shape:
         return None
     if not np.array_equal(report.tracks.points, first.tracks.points, equal_nan=True):
@@ -71,16 +79,20 @@ def _difference(report: Report, first: Report) -> float | None:
 
 
 def format_comparison(names: Sequence[str], reports: Sequence[Report], form: str = "text") -> str:
-    """The comparison in one of the formats of ``tables``; raises UsageError for another one."""
+    """The comparison in one of ``tables.FORMATS``; raises UsageError for another format."""
     if form not in FORMATS:
-        raise UsageError(f"no format {form!r}, expected one of {', '.join(FORMATS)}")
+        raise UsageError(f"format {form!r}: expected {', '.join(FORMATS)}")
     if form == "json":
         return json.dumps(comparison_json(names, reports), indent=1, ensure_ascii=False) + "\n"
     return format_table(comparison_table(names, reports), form)
 
 
 def comparison_json(names: Sequence[str], reports: Sequence[Report]) -> list[dict[str, Any]]:
-    """The comparison as plain numbers, one entry per segmentation."""
+    """The comparison as numbers, one entry per segmentation.
+
+    ``rms`` is in pixels; ``misclassification`` and ``differs_from_first`` are 0..1, or None where
+    they are not known.
+    """
     entries = []
     for name, report in zip(names, reports, strict=True):
         difference = _difference(report, reports[0])
@@ -102,9 +114,26 @@ def comparison_json(names: Sequence[str], reports: Sequence[Report]) -> list[dic
 def comparison_picture(
     names: Sequence[str], reports: Sequence[Report], file_format: str = "png"
 ) -> bytes:
-    """The first frame of each segmentation, side by side, motions coloured as in the first.
+    """Draw the first frame of each segmentation, with colours that match those of the first.
 
-    Raises UsageError where no segmentation has a frame.
+    Parameters
+    ----------
+    names : sequence of str
+        Titles of the pictures.
+    reports : sequence of Report
+        The segmentations; those without frames are left out.
+    file_format : str
+        One of ``pictures.FORMATS``.
+
+    Returns
+    -------
+    bytes
+        The content of the file.
+
+    Raises
+    ------
+    UsageError
+        If no segmentation has a frame.
     """
     scenes = [
         _titled(name, _recoloured(report, reports[0]))
@@ -112,9 +141,11 @@ def comparison_picture(
         if report.frames
     ]
     if not scenes:
-        raise UsageError("none of these segmentations has a frame to draw")
+        raise UsageError(
+            "comparison picture: none of the segmentations has a frame, expected one or more"
+        )
     gap = max(6, scenes[0].width // 80)
-    columns = 2 if len(scenes) == 4 else COLUMNS
+    columns = 2 if len(scenes) == 4 else MAX_COLUMNS
     rows = []
     for start in range(0, len(scenes), columns):
         row = scenes[start]
@@ -128,19 +159,20 @@ def comparison_picture(
 
 
 def _titled(name: str, report: Report) -> Scene:
+    """The first frame of a report below its name."""
     view = view_of(report, 0)
     scene = frame_scene(report, view, motion_hulls(report, view))
     size = view.sizes.text
     title = Scene(scene.width, round(2.2 * size))
-    place = name if len(name) < 60 else "…" + name[-59:]
-    title.add([Label(0.8 * size, 1.5 * size, 1.1 * size, place, style.INK, bold=True)])
+    shown = name if len(name) < 60 else "…" + name[-59:]
+    title.add([Label(0.8 * size, 1.5 * size, 1.1 * size, shown, style.INK, bold=True)])
     return stack_below(title, scene, 0)
 
 
 def _recoloured(report: Report, first: Report) -> Report:
-    """The report with its motions numbered like those of ``first``, where the tracks are the same.
+    """The report with motions numbered as in ``first``, if the tracks are the same.
 
-    A motion without a partner takes a number that ``first`` does not use.
+    A motion without counterpart gets a number that ``first`` does not use.
     """
     if _difference(report, first) is None:
         return report
@@ -159,7 +191,7 @@ def _recoloured(report: Report, first: Report) -> Report:
 
 
 def _numbers_of(report: Report, first: Report) -> dict[int, int]:
-    """Label of a motion -> that of its partner in ``first``, or one that ``first`` has not."""
+    """Label of a motion -> label of its counterpart in ``first``, or an unused one."""
     partners = match_labels(report.labels, first.labels)
     free = max([0, *first.labels.tolist()])
     numbers: dict[int, int] = {}
@@ -170,6 +202,7 @@ def _numbers_of(report: Report, first: Report) -> dict[int, int]:
 
 
 def _renumber(report: Report, first: Report) -> Integers:
+    """The labels [P] of the report, numbered as in ``first``."""
     labels = report.labels.copy()
     for old, new in _numbers_of(report, first).items():
         labels[report.labels == old] = new

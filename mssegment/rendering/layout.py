@@ -1,4 +1,4 @@
-"""Where things go on a picture: the photograph, the legend below it, the motion numbers on it."""
+"""Layout of annotated pictures: the frame, the legend below it, the numbers of the motions."""
 
 from __future__ import annotations
 
@@ -24,17 +24,26 @@ from mssegment.rendering.scene import (
     Scene,
 )
 
-LONG_SIDE = 960
-"""Smaller pictures are enlarged to this, so that marks do not cover what they mark."""
+MIN_LONG_SIDE = 960
+"""Pixels; smaller pictures are enlarged to this, so that markers do not cover the objects."""
 MAX_ENLARGEMENT = 2.0
-LARGEST = 1920
-"""Larger pictures are made smaller: a slide shows no more, and everything takes its time."""
+MAX_LONG_SIDE = 1920
+"""Pixels; larger pictures are reduced to this: screens show no more, and drawing takes longer."""
 
 
-class View(Record, frozen=True):
-    """One frame as it is drawn: its photograph, muted, at ``scale`` times the frame's size.
+class FrameView(Record, frozen=True):
+    """One frame as it is drawn.
 
-    ``spacing`` is that of the inliers, in pixels of the frame.
+    Parameters
+    ----------
+    index : int
+        Number of the frame.
+    photograph : uint8 array [height, width, 3]
+        The frame in BGR order, enlarged or reduced, with less colour and contrast.
+    scale : float
+        Pixels of the photograph per pixel of the frame.
+    spacing : float
+        Typical distance between inliers, pixels of the frame.
     """
 
     index: int
@@ -44,60 +53,61 @@ class View(Record, frozen=True):
 
     @property
     def sizes(self) -> style.Sizes:
-        """The sizes of what is drawn over the photograph."""
+        """Sizes of markers, lines and text on the photograph."""
         height, width = self.photograph.shape[:2]
         return style.sizes(width, height, self.spacing * self.scale)
 
     @property
-    def band(self) -> int:
-        """Height of the legend below the photograph."""
+    def legend_height(self) -> int:
+        """Height of the legend below the photograph, pixels."""
         return round(2.2 * self.sizes.text)
 
-    def place(self, points: Floats) -> Floats:
-        """Frame coordinates [..., 2] in pixels of the picture."""
+    def to_picture(self, points: Floats) -> Floats:
+        """Positions [..., 2] in the frame as positions in the photograph, pixels."""
         return (points + 0.5) * self.scale - 0.5
 
     def scene(self, legend: bool) -> Scene:
-        """A scene with the photograph, and room for a legend below."""
+        """A scene of the photograph, with space below if there is a ``legend``."""
         height, width = self.photograph.shape[:2]
-        full = height + (self.band if legend else 0)
+        full = height + (self.legend_height if legend else 0)
         return Scene(width, full, [(0, 0, self.photograph)])
 
-    def showing(self, photograph: Picture) -> View:
-        """The same view of another photograph."""
+    def with_photograph(self, photograph: Picture) -> FrameView:
+        """The same view with another photograph."""
         return replace(self, photograph=photograph)
 
 
-def views_of(report: Report, indices: Sequence[int]) -> dict[int, View]:
-    """The frames as they are drawn; a blank one where the picture is not at hand."""
+def views_of(report: Report, indices: Sequence[int]) -> dict[int, FrameView]:
+    """The views of several frames by index, as ``view_of``."""
     return {index: view_of(report, index) for index in indices}
 
 
-def view_of(report: Report, index: int) -> View:
-    """One frame as it is drawn."""
+def view_of(report: Report, index: int) -> FrameView:
+    """The view of one frame; blank, with a message, if its picture is not available."""
     frame = report.frames[index]
     longest = max(frame.width, frame.height)
-    scale = min(MAX_ENLARGEMENT, max(1.0, LONG_SIDE / longest), LARGEST / longest)
+    scale = min(MAX_ENLARGEMENT, max(1.0, MIN_LONG_SIDE / longest), MAX_LONG_SIDE / longest)
     size = (max(1, round(frame.width * scale)), max(1, round(frame.height * scale)))
     picture = report.pictures(index)
     if picture is None:
         blank = np.full((size[1], size[0], 3), 236, dtype=np.uint8)
-        words = f"frame {index + 1} is not at hand"
+        words = f"frame {index + 1}: picture not available"
         where, font = (size[0] // 40, size[1] // 20), cv2.FONT_HERSHEY_SIMPLEX
         cv2.putText(blank, words, where, font, size[0] / 1600, style.MUTED, 1, cv2.LINE_AA)
-        return View(index, blank, scale, typical_spacing(report))
-    picture = np.ascontiguousarray(picture)  # the frame may be a view with its colours swapped
+        return FrameView(index, blank, scale, typical_spacing(report))
+    picture = np.ascontiguousarray(picture)  # channels may be reversed by a stride
     if picture.shape[1::-1] != size:
-        way = cv2.INTER_CUBIC if scale > 1 else cv2.INTER_AREA
-        picture = np.asarray(cv2.resize(picture, size, interpolation=way), dtype=np.uint8)
-    return View(index, mute(picture), scale, typical_spacing(report))
+        interpolation = cv2.INTER_CUBIC if scale > 1 else cv2.INTER_AREA
+        picture = np.asarray(cv2.resize(picture, size, interpolation=interpolation), dtype=np.uint8)
+    return FrameView(index, muted(picture), scale, typical_spacing(report))
 
 
-@lru_cache(maxsize=1)  # every frame and the page ask for it
+@lru_cache(maxsize=1)  # used for every frame and by the page
 def typical_spacing(report: Report) -> float:
-    """How far the inliers of a motion lie from each other, in frame pixels; infinite without any.
+    """Typical distance between the inliers of a motion, in pixels of a frame.
 
-    In the frame that shows most tracks, for the most crowded motion that matters.
+    Of the motion with the closest inliers, among those with a tenth of all inliers, in the frame
+    with most visible tracks. Infinite without motions.
     """
     if not len(report.labels) or not report.motions:
         return math.inf
@@ -109,45 +119,47 @@ def typical_spacing(report: Report) -> float:
     return min((spacing(g, 1) for g in groups if len(g) > max(2.0, least)), default=math.inf)
 
 
-def mute(picture: Picture) -> Picture:
-    """The photograph with less colour and contrast, so that marks stand out on it."""
+def muted(picture: Picture) -> Picture:
+    """The picture with less colour and contrast, so that markers stand out."""
     grey = cv2.cvtColor(cv2.cvtColor(picture, cv2.COLOR_BGR2GRAY), cv2.COLOR_GRAY2BGR)
     return np.asarray(cv2.addWeighted(picture, 0.5, grey, 0.3, 26.0), dtype=np.uint8)
 
 
-def caption(view: View, entries: Sequence[tuple[style.Mark, str]]) -> list[Item]:
-    """The legend below the photograph, in one line, shrunk where it would not fit."""
+def legend(view: FrameView, entries: Sequence[tuple[style.LabelStyle, str]]) -> list[Item]:
+    """One line of marker and text per entry below the photograph, reduced to fit its width."""
     height, width = view.photograph.shape[:2]
     size = view.sizes.text
     needed = sum(_entry_width(text, size) for _, text in entries) + size
     shrink = min(1.0, width / needed)
     size *= shrink
-    x, y = 0.8 * size, height + view.band / 2
+    x, y = 0.8 * size, height + view.legend_height / 2
     items: list[Item] = []
-    for mark, text in entries:
-        items.append(_key(mark, x + 0.4 * size, y, 0.4 * size))
+    for marker, text in entries:
+        items.append(_key(marker, x + 0.4 * size, y, 0.4 * size))
         items.append(Label(x + 1.15 * size, y + 0.36 * size, size, text, style.INK))
         x += _entry_width(text, size)
     return items
 
 
 def _entry_width(text: str, size: float) -> float:
+    """Width of a marker, its text and the gap after it."""
     return (2.4 + TEXT_WIDTH * len(text)) * size
 
 
-def _key(mark: style.Mark, x: float, y: float, radius: float) -> Item:
-    return Markers(np.array([[x, y]]), mark.shape, radius, mark.colour)
+def _key(marker: style.LabelStyle, x: float, y: float, radius: float) -> Item:
+    """The marker of a legend entry."""
+    return Markers(np.array([[x, y]]), marker.shape, radius, marker.colour)
 
 
-def number_badges(report: Report, view: View) -> list[Item]:
-    """The number of each motion on its object, moved apart where two would cover each other."""
-    points = view.place(report.tracks.points[:, view.index])
+def number_badges(report: Report, view: FrameView) -> list[Item]:
+    """The number of each motion on its object, moved apart where they would overlap."""
+    points = view.to_picture(report.tracks.points[:, view.index])
     places, labels = [], []
     for motion in report.motions:
         own = points[report.members(motion.label)]
         own = own[np.isfinite(own).all(axis=1)]
         if len(own):
-            # the inlier nearest to the median lies on the object, the median itself may not
+            # the inlier nearest to the median: the median itself may be off the object
             middle = np.median(own, axis=0)
             places.append(own[np.argmin(((own - middle) ** 2).sum(axis=1))])
             labels.append(motion.label)
@@ -155,16 +167,16 @@ def number_badges(report: Report, view: View) -> list[Item]:
         return []
     radius = view.sizes.badge
     height, width = view.photograph.shape[:2]
-    spread = _apart(np.array(places), 2.3 * radius)
-    spread = np.clip(spread, 1.2 * radius, np.array([width, height]) - 1.2 * radius)
+    separate = _pushed_apart(np.array(places), 2.3 * radius)
+    separate = np.clip(separate, 1.2 * radius, np.array([width, height]) - 1.2 * radius)
     return [
-        Badge(float(x), float(y), radius, style.mark(label).colour, str(label))
-        for (x, y), label in zip(spread, labels, strict=True)
+        Badge(float(x), float(y), radius, style.label_style(label).colour, str(label))
+        for (x, y), label in zip(separate, labels, strict=True)
     ]
 
 
-def _apart(places: Floats, distance: float) -> Floats:
-    """Pushes points apart until they keep their distance, or 50 rounds have passed."""
+def _pushed_apart(places: Floats, distance: float) -> Floats:
+    """Points [n, 2] moved until no two are closer than ``distance``, for at most 50 rounds."""
     places = places.astype(np.float64).copy()
     for _ in range(50):
         offset = places[:, None] - places[None]
@@ -172,7 +184,7 @@ def _apart(places: Floats, distance: float) -> Floats:
         close = (gap < distance) & ~np.eye(len(places), dtype=bool)
         if not close.any():
             break
-        # two numbers at the same place part along the diagonal of their order
+        # points at the same position are moved apart in a fixed direction, by their order
         order = np.sign(np.arange(len(places))[:, None] - np.arange(len(places))[None])
         offset = np.where((gap < 1e-6)[..., None], order[..., None] * [0.6, 0.8], offset)
         unit = offset / np.maximum(gap, 1.0)[..., None]
@@ -182,7 +194,7 @@ def _apart(places: Floats, distance: float) -> Floats:
 
 
 def stack_right(left: Scene, right: Scene, gap: int | None = None) -> Scene:
-    """Two scenes beside each other."""
+    """Two scenes side by side, ``gap`` pixels apart (by default about 1 % of the width)."""
     gap = max(4, left.width // 100) if gap is None else gap
     shift = left.width + gap
     both = Scene(shift + right.width, max(left.height, right.height))
@@ -192,7 +204,7 @@ def stack_right(left: Scene, right: Scene, gap: int | None = None) -> Scene:
 
 
 def stack_below(upper: Scene, lower: Scene, gap: int) -> Scene:
-    """Two scenes, one below the other."""
+    """Two scenes one below the other, ``gap`` pixels apart."""
     shift = upper.height + gap
     both = Scene(max(upper.width, lower.width), shift + lower.height)
     both.photographs = upper.photographs + [(x, y + shift, p) for x, y, p in lower.photographs]
@@ -201,6 +213,7 @@ def stack_below(upper: Scene, lower: Scene, gap: int) -> Scene:
 
 
 def _moved(item: Item, dx: float, dy: float) -> Item:
+    """The item shifted by (dx, dy)."""
     shift = np.array([dx, dy])
     match item:
         case Markers():

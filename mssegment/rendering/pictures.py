@@ -1,7 +1,7 @@
-"""Annotated pictures: all points, the motions in each frame, side by side, and overlaid.
+"""Annotated pictures: all tracks, the motions in each frame, side by side, and overlaid.
 
-``encode_pictures`` gives the files by name; the functions that end in ``_scene`` give one scene
-each, for ``raster.paint`` or ``svg.write_svg``.
+``encode_pictures`` gives files; the functions that end in ``_scene`` give one scene each, for
+``raster.paint`` or ``svg.write_svg``.
 """
 
 from __future__ import annotations
@@ -15,37 +15,57 @@ import numpy as np
 from mssegment.errors import UsageError
 from mssegment.records import BACKGROUND, NOT_JUDGED, OUTLIER, Floats, Integers
 from mssegment.rendering import style
-from mssegment.rendering.layout import View, caption, number_badges, stack_right, views_of
+from mssegment.rendering.layout import FrameView, legend, number_badges, stack_right, views_of
 from mssegment.rendering.regions import Contours, dense_regions, hulls
 from mssegment.rendering.report import Report
 from mssegment.rendering.scene import Areas, Item, Lines, Markers, Scene
-from mssegment.rendering.thinning import carriers
+from mssegment.rendering.thinning import shown_displacements
 
 FORMATS = ("png", "jpg", "svg")
 KINDS = ("points", "frames", "side-by-side", "overlay", "regions")
 USUAL = ("points", "frames", "overlay")
+"""The kinds that are drawn by default."""
 MAX_FRAMES = 8
-"""A longer sequence shows this many frames, evenly spaced, the first and the last among them."""
-MOST_COVERED = 0.4
-"""An outline around more of the picture than this is the background, and only in the way."""
+"""Frames that are drawn of a longer sequence, evenly spaced from the first to the last."""
+MAX_HULL_SHARE = 0.4
+"""Share of the picture; a larger outline is that of the background and is not drawn."""
 
 
 def encode_pictures(
     report: Report, file_format: str = "png", kinds: Collection[str] = USUAL
 ) -> Iterator[tuple[str, bytes]]:
-    """The pictures of a report as (file name, content), one after the other.
+    """Draw the pictures of a report.
 
-    ``kinds`` are some of ``KINDS``: ``points``, all tracks before anything is known about them;
-    ``frames``, the motions in each frame, as ``frame-N``; ``side-by-side``, both (the paper's
-    figures 2-4); ``overlay``, the first and the last frame on top of each other; ``regions``, dense
-    regions of the motions. Raises UsageError for another kind or a format not in ``FORMATS``.
+    Parameters
+    ----------
+    report : Report
+        What is drawn.
+    file_format : str
+        One of ``FORMATS``.
+    kinds : collection of str
+        Some of ``KINDS``: ``points``, all tracks without their labels; ``frames``, the motions in
+        each frame, as ``frame-N``; ``side-by-side``, both (as figures 2-4 of the paper);
+        ``overlay``, the motions over the blended first and last frame; ``regions``, dense regions
+        of the motions.
+
+    Yields
+    ------
+    name : str
+        Name of the file.
+    content : bytes
+        Its content.
+
+    Raises
+    ------
+    UsageError
+        For another kind or format.
     """
     if file_format not in FORMATS:
-        raise UsageError(f"no picture format {file_format!r}, expected {', '.join(FORMATS)}")
+        raise UsageError(f"picture format {file_format!r}: expected {', '.join(FORMATS)}")
     for kind in kinds:
         if kind not in KINDS:
-            raise UsageError(f"no picture {kind!r}, expected some of {', '.join(KINDS)}")
-    with ThreadPoolExecutor(1) as pool:  # one picture is compressed while the next is drawn
+            raise UsageError(f"picture {kind!r}: expected some of {', '.join(KINDS)}")
+    with ThreadPoolExecutor(1) as pool:  # compresses one picture while the next is drawn
         waiting: Future[bytes] | None = None
         name = ""
         for following, scene in scenes_of(report, kinds):
@@ -60,17 +80,17 @@ def encode_pictures(
 def render_pictures(
     report: Report, file_format: str = "png", kinds: Collection[str] = USUAL
 ) -> dict[str, bytes]:
-    """The same as ``encode_pictures``, all at once: file name -> content."""
+    """The pictures of ``encode_pictures`` as a dictionary from file name to content."""
     return dict(encode_pictures(report, file_format, kinds))
 
 
 def encode(scene: Scene, file_format: str, title: str = "") -> bytes:
-    """One scene as the content of a PNG, JPEG or SVG file."""
+    """The content of a PNG, JPEG or SVG file of a scene; ``title`` is used in SVG."""
     return draw(scene, file_format, title)()
 
 
 def draw(scene: Scene, file_format: str, title: str) -> Callable[[], bytes]:
-    """Draws a scene now; the function that comes back compresses it, in any thread."""
+    """Draw a scene now; the function that is returned compresses it, in any thread."""
     from mssegment.rendering.raster import paint
     from mssegment.rendering.svg import write_svg
 
@@ -82,7 +102,7 @@ def draw(scene: Scene, file_format: str, title: str) -> Callable[[], bytes]:
 
 
 def scenes_of(report: Report, kinds: Collection[str] = USUAL) -> Iterator[tuple[str, Scene]]:
-    """The scenes of ``encode_pictures`` by name."""
+    """Yield name and scene of each picture of ``encode_pictures``."""
     if not report.frames:
         return
     shown = shown_frames(len(report.frames))
@@ -103,165 +123,177 @@ def scenes_of(report: Report, kinds: Collection[str] = USUAL) -> Iterator[tuple[
 
 
 def shown_frames(count: int, limit: int = MAX_FRAMES) -> list[int]:
-    """Indices of the frames of which a picture is drawn: all, or ``limit`` evenly spaced ones."""
+    """Indices of the frames that are drawn: all of ``count``, or ``limit`` evenly spaced ones."""
     if count <= limit:
         return list(range(count))
     return [int(i) for i in np.round(np.linspace(0, count - 1, limit))]
 
 
-def points_scene(report: Report, view: View) -> Scene:
-    """All tracks in one frame with their displacements, before anything is known about them."""
-    scene = view.scene(len(caption_points(report)) > 0)
-    points = view.place(report.tracks.points[:, view.index])
-    everyone = np.flatnonzero(np.isfinite(points).all(axis=1))
-    size = view.sizes
-    shown = np.flatnonzero(carriers(report, view.index, together=True))
-    scene.add(_paths(report, view, shown, style.PLAIN_COLOUR, size.line))
-    look = style.PLAIN_COLOUR
-    scene.add([Markers(points[everyone], "circle", 0.75 * size.marker, look, 0.2 * size.marker)])
-    scene.add(caption(view, caption_points(report)))
+def points_scene(report: Report, view: FrameView) -> Scene:
+    """All tracks in one frame with their displacements, without labels."""
+    scene = view.scene(legend=True)
+    points = view.to_picture(report.tracks.points[:, view.index])
+    points = points[np.isfinite(points).all(axis=1)]
+    size, colour = view.sizes, style.PLAIN_COLOUR
+    shown = np.flatnonzero(shown_displacements(report, view.index, ignore_labels=True))
+    scene.add(_paths(report, view, shown, colour, size.line))
+    scene.add([Markers(points, "circle", 0.75 * size.marker, colour, 0.2 * size.marker)])
+    marker = style.LabelStyle(colour, "circle", "tracks")
+    scene.add(legend(view, [(marker, f"{len(report.labels)} tracks")]))
     return scene
-
-
-def caption_points(report: Report) -> list[tuple[style.Mark, str]]:
-    """The legend of a picture of all tracks."""
-    mark = style.Mark(style.PLAIN_COLOUR, "circle", "tracks")
-    return [(mark, f"{len(report.labels)} tracks")]
 
 
 def frame_scene(
     report: Report,
-    view: View,
+    view: FrameView,
     areas: dict[int, Contours] | None = None,
     *,
     opacity: float = style.HULL_OPACITY,
-    legend: bool = True,
+    with_legend: bool = True,
 ) -> Scene:
-    """The motions in one frame: inliers in colour and shape, displacements, hulls, numbers."""
-    scene = view.scene(legend)
+    """The motions in one frame: inliers, displacements, areas and numbers.
+
+    Parameters
+    ----------
+    report : Report
+        The segmentation.
+    view : FrameView
+        The frame.
+    areas : dict, optional
+        Label of a motion -> outlines in pixels of the photograph.
+    opacity : float
+        Opacity of the areas.
+    with_legend : bool
+        Whether there is a legend below.
+    """
+    scene = view.scene(with_legend)
     scene.add(_area_items(areas or {}, view, opacity))
     scene.add(_label_items(report, view))
     scene.add(number_badges(report, view))
-    if legend:
-        scene.add(caption(view, caption_motions(report)))
+    if with_legend:
+        scene.add(legend(view, motion_entries(report)))
     return scene
 
 
-def caption_motions(report: Report) -> list[tuple[style.Mark, str]]:
-    """The legend of a picture of the motions: each with its number of inliers."""
+def motion_entries(report: Report) -> list[tuple[style.LabelStyle, str]]:
+    """Entries of the legend: each label with its number of tracks."""
     entries = []
     for motion in report.motions:
         count = len(report.members(motion.label))
-        entries.append((style.mark(motion.label), f"motion {motion.label}: {count}"))
+        entries.append((style.label_style(motion.label), f"motion {motion.label}: {count}"))
     for label in (OUTLIER, BACKGROUND, NOT_JUDGED):
         count = len(report.members(label))
         if count:
-            entries.append((style.mark(label), f"{style.mark(label).name}: {count}"))
+            entries.append((style.label_style(label), f"{style.label_style(label).name}: {count}"))
     return entries
 
 
 def side_by_side_scene(
-    report: Report, first: View, last: View, areas: dict[int, Contours] | None = None
+    report: Report, first: FrameView, last: FrameView, areas: dict[int, Contours] | None = None
 ) -> Scene:
-    """All tracks in the first frame on the left, the motions in the last on the right."""
+    """All tracks in the ``first`` frame on the left, the motions in the ``last`` on the right."""
     return stack_right(points_scene(report, first), frame_scene(report, last, areas))
 
 
-def overlay_scene(report: Report, first: View, last: View) -> Scene:
-    """First and last frame blended, with where every inlier came from and went to."""
+def overlay_scene(report: Report, first: FrameView, last: FrameView) -> Scene:
+    """The motions over the blended ``first`` and ``last`` frame, with the displacements."""
     if first.photograph.shape == last.photograph.shape:
         mixed = cv2.addWeighted(first.photograph, 0.5, last.photograph, 0.5, 0)
         blend = np.asarray(mixed, dtype=np.uint8)
     else:
         blend = last.photograph
-    view = first.showing(blend)
-    scene = view.scene(True)
+    view = first.with_photograph(blend)
+    scene = view.scene(legend=True)
     size = view.sizes
-    shown = carriers(report, last.index)
+    shown = shown_displacements(report, last.index)
     for motion in report.motions:
-        look, members = style.mark(motion.label), report.members(motion.label)
-        ways = members[shown[members]]
-        scene.add(_paths(report, view, ways, look.colour, 1.3 * size.line, 0.85))
-        places = view.place(report.tracks.points[members, last.index])
-        places = places[np.isfinite(places).all(axis=1)]
-        scene.add([Markers(places, look.shape, 0.8 * size.marker, look.colour, 0.2 * size.marker)])
+        marker, members = style.label_style(motion.label), report.members(motion.label)
+        scene.add(
+            _paths(report, view, members[shown[members]], marker.colour, 1.3 * size.line, 0.85)
+        )
+        ends = view.to_picture(report.tracks.points[members, last.index])
+        ends = ends[np.isfinite(ends).all(axis=1)]
+        scene.add(
+            [Markers(ends, marker.shape, 0.8 * size.marker, marker.colour, 0.2 * size.marker)]
+        )
     scene.add(number_badges(report, last))
-    scene.add(caption(view, caption_motions(report)))
+    scene.add(legend(view, motion_entries(report)))
     return scene
 
 
-def motion_hulls(report: Report, view: View) -> dict[int, Contours]:
-    """Motion -> outline around its inliers in the frame of ``view``, in pixels of the picture."""
+def motion_hulls(report: Report, view: FrameView) -> dict[int, Contours]:
+    """Label of a motion -> outlines around its inliers, in pixels of the photograph of ``view``."""
     height, width = view.photograph.shape[:2]
-    points = view.place(report.tracks.points[:, view.index])
+    points = view.to_picture(report.tracks.points[:, view.index])
     return {
         motion.label: hulls(points[report.members(motion.label)], width, height)
         for motion in report.motions
     }
 
 
-def _area_items(areas: dict[int, Contours], view: View, opacity: float) -> list[Item]:
+def _area_items(areas: dict[int, Contours], view: FrameView, opacity: float) -> list[Item]:
+    """The areas of all motions that do not cover too much of the picture."""
     height, width = view.photograph.shape[:2]
     items: list[Item] = []
     for label, contours in areas.items():
         covered = sum(cv2.contourArea(c.astype(np.float32)) for c in contours)
-        if 0 < covered <= MOST_COVERED * width * height:
-            colour = style.mark(label).colour
+        if 0 < covered <= MAX_HULL_SHARE * width * height:
+            colour = style.label_style(label).colour
             items.append(Areas(contours, colour, opacity, view.sizes.outline))
     return items
 
 
-def _label_items(report: Report, view: View) -> list[Item]:
-    """Markers and displacements of all labels, the motions over the rest."""
-    points = view.place(report.tracks.points[:, view.index])
-    seen = np.isfinite(points).all(axis=1)
-    shown = carriers(report, view.index)
+def _label_items(report: Report, view: FrameView) -> list[Item]:
+    """Markers and displacements of all tracks, those of motions last."""
+    points = view.to_picture(report.tracks.points[:, view.index])
+    visible = np.isfinite(points).all(axis=1)
+    shown = shown_displacements(report, view.index)
     size = view.sizes
     items: list[Item] = []
     for label in (BACKGROUND, NOT_JUDGED, OUTLIER):
-        members = np.flatnonzero(seen & (report.labels == label))
-        look = style.mark(label)
+        members = np.flatnonzero(visible & (report.labels == label))
+        marker = style.label_style(label)
         if label == OUTLIER:
-            ways = members[shown[members]]
-            items += _paths(report, view, ways, look.colour, 0.6 * size.line, 0.38)
-        items.append(Markers(points[members], look.shape, size.small, look.colour))
+            moved = members[shown[members]]
+            items += _paths(report, view, moved, marker.colour, 0.6 * size.line, 0.38)
+        items.append(Markers(points[members], marker.shape, size.small, marker.colour))
     for motion in report.motions:
-        ways = np.flatnonzero(shown & (report.labels == motion.label))
-        items += _paths(report, view, ways, style.mark(motion.label).colour, size.line)
+        moved = np.flatnonzero(shown & (report.labels == motion.label))
+        items += _paths(report, view, moved, style.label_style(motion.label).colour, size.line)
     for motion in report.motions:
-        members = np.flatnonzero(seen & (report.labels == motion.label))
-        look = style.mark(motion.label)
+        members = np.flatnonzero(visible & (report.labels == motion.label))
+        marker = style.label_style(motion.label)
         rim = 0.28 * size.marker
-        items.append(Markers(points[members], look.shape, size.marker, look.colour, rim))
+        items.append(Markers(points[members], marker.shape, size.marker, marker.colour, rim))
     return items
 
 
 def _paths(
     report: Report,
-    view: View,
+    view: FrameView,
     members: Integers,
     colour: style.Colour,
     width: float,
     opacity: float = style.PATH_OPACITY,
 ) -> list[Item]:
-    """The ways of some tracks through all frames, with an arrow head at the end."""
-    ways = view.place(report.tracks.points[members])
-    seen = np.asarray(np.isfinite(ways).all(axis=2))
-    moves = seen.sum(axis=1) > 1
-    paths = tuple(way[s] for way, s in zip(ways[moves], seen[moves], strict=True))
-    return [Lines(paths, colour, width, _arrow_heads(paths, 4.5 * width), opacity)]
+    """The paths of some tracks through all frames, with arrowheads at their ends."""
+    tracks = view.to_picture(report.tracks.points[members])
+    visible = np.asarray(np.isfinite(tracks).all(axis=2))
+    moves = visible.sum(axis=1) > 1
+    paths = tuple(path[v] for path, v in zip(tracks[moves], visible[moves], strict=True))
+    return [Lines(paths, colour, width, _arrowheads(paths, 4.5 * width), opacity)]
 
 
-def _arrow_heads(paths: tuple[Floats, ...], size: float) -> tuple[Floats, ...]:
-    """A triangle at the end of each way that is long enough to carry one."""
+def _arrowheads(paths: tuple[Floats, ...], size: float) -> tuple[Floats, ...]:
+    """A triangle at the end of each path that is long enough for one."""
     if not paths:
         return ()
     ends = np.array([path[-1] for path in paths])
-    # the general direction: the last step of a jittering track points anywhere
-    way = ends - np.array([path[0] for path in paths])
-    length = np.hypot(way[:, 0], way[:, 1])
+    # the overall direction: the last step of a noisy track has an arbitrary one
+    overall = ends - np.array([path[0] for path in paths])
+    length = np.hypot(overall[:, 0], overall[:, 1])
     keep = length >= 2.2 * size
-    ends, along = ends[keep], way[keep] / length[keep, None]
+    ends, along = ends[keep], overall[keep] / length[keep, None]
     side = 0.6 * size * np.stack([-along[:, 1], along[:, 0]], axis=1)
     back = ends - 1.1 * size * along
     return tuple(np.stack([ends + 0.4 * size * along, back + side, back - side], axis=1))

@@ -1,4 +1,4 @@
-"""Paints a scene with OpenCV: anti-aliased, with sub-pixel positions."""
+"""Draw a scene with OpenCV, anti-aliased and at sub-pixel positions."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from mssegment.rendering.report import Picture
 from mssegment.rendering.style import PAPER, Colour, bgr, text_on
 
 _SHIFT = 4
-"""OpenCV's fixed-point coordinates: 4 binary places."""
-_FAR = 1e6
+"""Fractional bits of OpenCV's fixed-point coordinates."""
+_MAX_COORDINATE = 1e6
 
 
 def paint(scene: scenes.Scene) -> Picture:
-    """The finished picture [height, width, 3], blue first."""
+    """Draw a scene; returns uint8 [height, width, 3] in BGR order."""
     canvas = np.full((scene.height, scene.width, 3), PAPER, dtype=np.uint8)
     for x, y, photograph in scene.photographs:
         height, width = photograph.shape[:2]
@@ -44,8 +44,11 @@ def _paint_item(canvas: Picture, item: scenes.Item) -> None:
 
 
 def _fixed(points: Floats) -> Any:
-    # a wild outlier may lie anywhere; OpenCV counts in 32 bits
-    return np.rint(np.clip(points, -_FAR, _FAR) * (1 << _SHIFT)).astype(np.int32)
+    """Points as OpenCV's fixed-point integers."""
+    # a wrong track may lie anywhere, and OpenCV takes 32 bits
+    return np.rint(np.clip(points, -_MAX_COORDINATE, _MAX_COORDINATE) * (1 << _SHIFT)).astype(
+        np.int32
+    )
 
 
 def _markers(canvas: Picture, item: scenes.Markers) -> None:
@@ -58,7 +61,7 @@ def _markers(canvas: Picture, item: scenes.Markers) -> None:
         _fill(canvas, inner, item.colour, convex)
     else:
         outer = _fixed(item.points[:, None] + outline * (item.radius + item.halo))
-        # rim and marker by turns: one marker may cover another, but not half of it
+        # rim and marker in turn, so that a marker covers its neighbour with its rim
         both = np.stack([outer, inner], axis=1).reshape(-1, *outline.shape)
         _fill(canvas, both, PAPER, convex, item.colour)
 
@@ -70,7 +73,7 @@ def _fill(
     convex: bool = True,
     every_second: Colour | None = None,
 ) -> None:
-    """Fills polygons [n, corners, 2] one by one, every second one in another colour if given."""
+    """Fill polygons [n, corners, 2] one by one, every second one in another colour if given."""
     colours = bgr(colour), bgr(every_second or colour)
     for i, polygon in enumerate(polygons):
         if convex:
@@ -91,7 +94,7 @@ def _lines(canvas: Picture, item: scenes.Lines) -> None:
 
 
 def _strokes(canvas: Picture, paths: tuple[Floats, ...], width: float, colour: Colour) -> None:
-    # OpenCV's own thickness is whole pixels; quadrilaterals take any width
+    """Draw polylines of any width; OpenCV's own thickness is in whole pixels."""
     starts = np.concatenate([path[:-1] for path in paths])
     ends = np.concatenate([path[1:] for path in paths])
     steps = ends - starts
@@ -101,7 +104,7 @@ def _strokes(canvas: Picture, paths: tuple[Floats, ...], width: float, colour: C
     side = np.stack([-steps[:, 1], steps[:, 0]], axis=1) * (width / 2 / lengths[keep, None])
     quads = np.stack([starts + side, ends + side, ends - side, starts - side], axis=1)
     _fill(canvas, _fixed(quads), colour)
-    if width > 2.5:  # round the joints where a gap would show
+    if width > 2.5:  # round the joints where gaps would be visible
         disc = scenes.OUTLINES["circle"][::2] * (width / 2)
         _fill(canvas, _fixed(starts[:, None] + disc), colour)
 
@@ -138,7 +141,8 @@ def _badge(canvas: Picture, item: scenes.Badge) -> None:
 
 
 def _centred(canvas: Picture, item: scenes.Badge, size: float) -> None:
-    # draw big on a mask and shrink: centred on the ink, at a sub-pixel position
+    """Draw the text of a badge centred on its visible pixels."""
+    # drawn enlarged on a mask and shrunk, for a sub-pixel position
     zoom = 4
     side = int(np.ceil(size * zoom * (1.2 + 0.6 * len(item.text))))
     ink = np.zeros((side, side, 3), dtype=np.uint8)
@@ -173,7 +177,7 @@ def _put(
     canvas: Picture, text: str, place: tuple[int, int], size: float, colour: Colour, bold: bool
 ) -> None:
     face = _font()
-    if face is not None:  # OpenCV 5 has a real font and its weights
+    if face is not None:  # OpenCV 5 has outline fonts with weights
         cv2.putText(canvas, text, place, colour, face, max(6, round(size)), 700 if bold else 400)
         return
     thickness = max(1, round(size / (9 if bold else 16)))

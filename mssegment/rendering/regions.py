@@ -1,4 +1,4 @@
-"""From sparse inliers to areas: smooth outlines around them, and dense regions along edges."""
+"""From inliers to areas: smooth outlines around them, and dense regions that follow edges."""
 
 from __future__ import annotations
 
@@ -12,16 +12,29 @@ from mssegment.rendering.report import Picture, Report
 
 Contours = tuple[Floats, ...]
 """Closed outlines, each [n, 2] in pixels."""
-Mask = npt.NDArray[np.uint8]
+BinaryPicture = npt.NDArray[np.uint8]
+"""[height, width], 0 or 255."""
 
-_NEIGHBOUR = 3
-"""Which neighbour's distance says how densely an object is covered."""
+SPACING_NEIGHBOUR = 3
+"""The neighbour whose distance measures how densely an object is covered."""
 
 
-def spacing(points: Floats, neighbour: int = _NEIGHBOUR, share: float = 0.5) -> float:
-    """How far a ``share`` of the points [n, 2] at most lie from a neighbour of theirs.
+def spacing(points: Floats, neighbour: int = SPACING_NEIGHBOUR, share: float = 0.5) -> float:
+    """A quantile of the distances between points and their nearest neighbours.
 
-    The ``neighbour``-th nearest counts; 0 for fewer than two points.
+    Parameters
+    ----------
+    points : float array [n, 2]
+        Positions in pixels.
+    neighbour : int
+        Which nearest neighbour: 1 the nearest, 2 the second, ...
+    share : float
+        The quantile, 0.5 for the median.
+
+    Returns
+    -------
+    float
+        Distance in pixels, 0 for fewer than two points.
     """
     if len(points) < 2:
         return 0.0
@@ -31,11 +44,20 @@ def spacing(points: Floats, neighbour: int = _NEIGHBOUR, share: float = 0.5) -> 
     return float(np.quantile(distances[:, -1], share))
 
 
-def settled(points: Floats) -> npt.NDArray[np.bool_]:
-    """Which points [n, 2] of one motion lie among others of it.
+def not_isolated(points: Floats) -> npt.NDArray[np.bool_]:
+    """Select the points of one motion that lie among others, to ignore wrong inliers far away.
 
-    Points within twice the typical spacing hang together; a group counts where it has at least
-    three points and a twentieth of all. A wrong inlier far away is not settled.
+    Points within twice the typical spacing are connected. A connected component counts if it has
+    at least three points and a twentieth of all.
+
+    Parameters
+    ----------
+    points : float array [n, 2]
+        Positions of the inliers, pixels.
+
+    Returns
+    -------
+    bool array [n]
     """
     from scipy.sparse import coo_matrix
     from scipy.sparse.csgraph import connected_components
@@ -52,12 +74,24 @@ def settled(points: Floats) -> npt.NDArray[np.bool_]:
 
 
 def hulls(points: Floats, width: int, height: int) -> Contours:
-    """Outlines around points [n, 2] of one motion, as tight as their spacing allows.
+    """Smooth outlines around the points of one motion, as tight as their spacing allows.
 
-    Discs around the settled points, closed and smoothed.
+    Discs around the points that are not isolated, closed morphologically and smoothed.
+
+    Parameters
+    ----------
+    points : float array [n, 2]
+        Positions of the inliers, pixels; NaN where not visible.
+    width, height : int
+        Size of the picture.
+
+    Returns
+    -------
+    tuple of float array [k, 2]
+        Closed outlines within the picture; empty for fewer than three points.
     """
     points = points[_near(points, width, height)]
-    points = points[settled(points)]
+    points = points[not_isolated(points)]
     if len(points) < 3:
         return ()
     step = max(1.0, max(width, height) / 400)  # a coarse mask gives the same smooth outline
@@ -78,13 +112,13 @@ def hulls(points: Floats, width: int, height: int) -> Contours:
 
 
 def _near(points: Floats, width: int, height: int) -> npt.NDArray[np.bool_]:
-    """Which points [n, 2] lie in the picture or not far from it; the others cannot be drawn."""
+    """Which points [n, 2] lie in the picture or within half its size from it."""
     size = np.array([width, height])
     return np.asarray((np.abs(np.nan_to_num(points, nan=np.inf) - size / 2) <= size).all(axis=1))
 
 
-def _smooth(mask: Mask, radius: int) -> Mask:
-    """Closes gaps as wide as the radius, takes back half of it, and rounds the corners."""
+def _smooth(mask: BinaryPicture, radius: int) -> BinaryPicture:
+    """Close gaps as wide as the radius, erode by half of it, and round the corners."""
     kernel = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * radius + 1,) * 2)
     half = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * (radius // 2) + 1,) * 2)
     eroded = cv2.erode(cv2.morphologyEx(mask, cv2.MORPH_CLOSE, kernel), half)
@@ -93,11 +127,24 @@ def _smooth(mask: Mask, radius: int) -> Mask:
 
 
 def dense_labels(report: Report, index: int, picture: Picture) -> npt.NDArray[np.int64]:
-    """A label per pixel of frame ``index``: 1..m motions, 0 elsewhere; [height, width].
+    """Label every pixel of a frame by watershed (Meyer 1992) on the edges of its picture.
 
-    Watershed (Meyer 1992, OpenCV) on the edges of ``picture`` [height, width, 3], which may be an
-    enlarged one, grown from discs around the inliers; what is far from every inlier, and
-    background tracks, grow the region that belongs to no motion.
+    Regions grow from discs around the inliers. Pixels far from all inliers, and background tracks,
+    are seeds of the region without motion.
+
+    Parameters
+    ----------
+    report : Report
+        The segmentation.
+    index : int
+        Number of the frame.
+    picture : uint8 array [height, width, 3]
+        Picture of the frame, possibly enlarged.
+
+    Returns
+    -------
+    int array [height, width]
+        1..m motions, 0 elsewhere.
     """
     height, width = picture.shape[:2]
     frame = report.frames[index]
@@ -106,38 +153,38 @@ def dense_labels(report: Report, index: int, picture: Picture) -> npt.NDArray[np
     markers = _markers(report, points, height, width)
     smooth = cv2.medianBlur(picture, 5)
     cv2.watershed(smooth, markers)
-    # the lines between regions are -1; nobody wants to see holes there
+    # watershed lines are -1: fill them from their neighbours
     markers = np.where(markers < 0, 0, markers).astype(np.float32)
     filled = np.where(markers > 0, markers, cv2.dilate(markers, np.ones((3, 3), np.uint8)))
     labels = filled.astype(np.int64)
-    nothing = len(report.motions) + 1
-    return np.where(labels == nothing, 0, labels)
+    no_motion = len(report.motions) + 1
+    return np.where(labels == no_motion, 0, labels)
 
 
 def _markers(report: Report, points: Floats, height: int, width: int) -> npt.NDArray[np.int32]:
-    """The seeds of the watershed: 0 unknown, 1..m motions, m + 1 no motion."""
-    seen = _near(points, width, height)
-    nothing = len(report.motions) + 1
-    markers = np.full((height, width), nothing, dtype=np.int32)
+    """Seeds of the watershed [height, width]: 0 unknown, 1..m motions, m + 1 no motion."""
+    near = _near(points, width, height)
+    no_motion = len(report.motions) + 1
+    markers = np.full((height, width), no_motion, dtype=np.int32)
     seeds = []
     for motion in report.motions:
-        own = points[seen & (report.labels == motion.label)]
-        own = own[settled(own)]
-        reach = max(6.0, 2.0 * spacing(own, share=0.9))
+        own = points[near & (report.labels == motion.label)]
+        own = own[not_isolated(own)]
+        radius = max(6.0, 2.0 * spacing(own, share=0.9))
         for x, y in own:
-            cv2.circle(markers, (round(x), round(y)), round(reach), 0, -1)
-        seeds += [(round(x), round(y), motion.label) for x, y in _inwards(own)]
-    for x, y in points[seen & (report.labels == BACKGROUND)]:
-        seeds.append((round(x), round(y), nothing))
+            cv2.circle(markers, (round(x), round(y)), round(radius), 0, -1)
+        seeds += [(round(x), round(y), motion.label) for x, y in _moved_inwards(own)]
+    for x, y in points[near & (report.labels == BACKGROUND)]:
+        seeds.append((round(x), round(y), no_motion))
     for x, y, label in seeds:
         cv2.circle(markers, (x, y), 1, label, -1)
     return markers
 
 
-def _inwards(points: Floats) -> Floats:
-    """Each point moved a third of the way to the mean of its neighbours.
+def _moved_inwards(points: Floats) -> Floats:
+    """Points moved a third of the way to the mean of their neighbours.
 
-    Corners lie on the very edge of an object; a seed there would leak out of it.
+    Corners lie on the edge of an object, where a seed would leak out of it.
     """
     if len(points) < 2:
         return points
@@ -146,7 +193,7 @@ def _inwards(points: Floats) -> Floats:
 
 
 def dense_regions(report: Report, index: int, picture: Picture) -> dict[int, Contours]:
-    """The outlines of ``dense_labels``, in pixels of ``picture``."""
+    """Label of a motion -> outlines of ``dense_labels``, in pixels of ``picture``."""
     labels = dense_labels(report, index, picture)
     kernel = np.ones((5, 5), dtype=np.uint8)
     regions = {}

@@ -1,13 +1,13 @@
-"""Everything that tables, pictures and the page show, gathered once.
+"""What tables, pictures and the page show, gathered once.
 
-``build_report`` compares with the true labels and computes the residual errors (23) and (24);
-``report_json`` is what other programs may rely on.
+``build_report`` compares the labels with the true ones and computes the residual errors (23) and
+(24) of the paper; ``report_json`` gives the report in a stable form for other programs.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import msgspec
 import numpy as np
@@ -29,25 +29,49 @@ from mssegment.records import (
     Tracks,
 )
 
+if TYPE_CHECKING:
+    pass
+
 Picture = npt.NDArray[np.uint8]
-"""A picture [height, width, 3], blue first, as OpenCV has it."""
+"""A picture [height, width, 3] in BGR order."""
 PictureOf = Callable[[int], Picture | None]
-"""The picture of a frame by its index, or None where the file is not at hand."""
+"""The picture of a frame by its index, or None where it is not available."""
 
 SCHEMA = "mssegment/report/1"
 
 
 def no_picture(index: int) -> None:
-    """The picture of a frame whose file is not at hand."""
+    """The ``PictureOf`` of a report without pictures."""
 
 
 class Report(Record, frozen=True, eq=False):
-    """A segmentation with all that is needed to show it.
+    """A segmentation with everything that is shown of it.
 
-    ``truth`` [P] are the true labels, ``evaluation`` the comparison with them; ``res`` and
-    ``res_hat`` have one number per motion (by label), None where the motion has no true partner,
-    and are None altogether without true labels. ``trajectories`` holds, per hypothesis set, paths
-    of mean shift [steps, ...] on its manifold.
+    Parameters
+    ----------
+    frames : tuple of Frame
+        The frames.
+    tracks : Tracks
+        The P tracks.
+    sets : tuple of HypothesisSet
+        The hypotheses.
+    segmentation : ClusterResult
+        Modes, motions and labels.
+    pictures : callable
+        Gives the picture of a frame by its index, or None.
+    truth : int array [P], optional
+        True labels.
+    evaluation : Evaluation, optional
+        Comparison of the labels with the true ones.
+    res, res_hat : tuple of (float or None), optional
+        Residual errors (23) and (24) of the motions by label, None for a motion without true
+        counterpart.
+    history : tuple of mapping
+        The stages with their settings and notes.
+    configuration : mapping
+        All settings.
+    trajectories : tuple of tuple of float array [steps, ...]
+        Mean shift trajectories on the manifold of each hypothesis set.
     """
 
     frames: tuple[Frame, ...]
@@ -65,32 +89,32 @@ class Report(Record, frozen=True, eq=False):
 
     @property
     def labels(self) -> Integers:
-        """The found label of every track [P]."""
+        """The label of every track, [P]."""
         return self.segmentation.labels
 
     @property
     def motions(self) -> tuple[Motion, ...]:
-        """The motions by label."""
+        """The motions, sorted by label."""
         return tuple(sorted(self.segmentation.motions, key=lambda motion: motion.label))
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What every stage has to say to the user, each sentence once, the first stage first."""
+        """The notes of all stages in their order, each once."""
         said = [str(note) for stage in self.history for note in stage.get("notes", ())]
         return tuple(dict.fromkeys([*said, *self.segmentation.notes]))
 
     def members(self, label: int) -> Integers:
-        """Indices of the tracks with a found label."""
+        """Indices of the tracks with this label."""
         return np.flatnonzero(self.labels == label)
 
     def modes_of(self, label: int) -> list[Mode]:
-        """The modes of a motion: those of the set it is a point of first, then strongest first."""
+        """The modes of a motion: those of its own hypothesis set first, strongest first."""
         own = {motion.label: motion.set_index for motion in self.segmentation.motions}.get(label)
         modes = [mode for mode in self.segmentation.modes if mode.motion == label]
         return sorted(modes, key=lambda mode: (mode.set_index != own, -mode.kde))
 
     def true_motion(self, label: int) -> int | None:
-        """The true motion that a found one is matched with."""
+        """The true motion that is matched with a motion, None without one."""
         return None if self.evaluation is None else self.evaluation.matching.get(label)
 
 
@@ -107,19 +131,36 @@ def build_report(
     configuration: Mapping[str, Any] | None = None,
     trajectories: Sequence[Sequence[Floats]] = (),
 ) -> Report:
-    """Gathers a report; ``truth`` None means the labels inside ``tracks``, if there are any.
+    """Gather a report.
 
-    ``straight`` [P, F, 2] are the points with the distortion of the lens undone, as the models saw
-    them, where they differ from those of ``tracks``, which lie on the pictures. Raises ValueError
-    where the true labels and the tracks differ in number.
+    Parameters
+    ----------
+    frames, tracks, sets, segmentation, pictures, history, configuration, trajectories
+        As in ``Report``.
+    truth : int array [P], optional
+        True labels; by default those of ``tracks``.
+    straight : float array [P, F, 2], optional
+        The tracks without lens distortion, in pixels, to which the models were fitted. By default
+        those of ``tracks``.
+
+    Returns
+    -------
+    Report
+
+    Raises
+    ------
+    ValueError
+        If there are not as many true labels as tracks.
     """
     truth = tracks.labels if truth is None else truth
-    seen = tracks.points if straight is None else straight
+    undistorted = tracks.points if straight is None else straight
     evaluation = res = res_hat = None
     if truth is not None:
         evaluation = evaluate(segmentation.labels, truth)
         errors = [
-            _residual_errors(motion, sets, seen, truth, evaluation.matching.get(motion.label))
+            _residual_errors(
+                motion, sets, undistorted, truth, evaluation.matching.get(motion.label)
+            )
             for motion in sorted(segmentation.motions, key=lambda motion: motion.label)
         ]
         res = tuple(error[0] for error in errors)
@@ -143,11 +184,11 @@ def build_report(
 def _residual_errors(
     motion: Motion,
     sets: Sequence[HypothesisSet],
-    seen: Floats,
+    points: Floats,
     truth: Integers,
     true_label: int | None,
 ) -> tuple[float | None, float | None]:
-    """Equation (23) for our motion and (24) for the least-squares motion of the true inliers."""
+    """Equation (23) for the motion, and (24) for the least-squares fit to the true inliers."""
     if true_label is None or motion.set_index >= len(sets):
         return None, None
     from mssegment.models import of_set
@@ -156,27 +197,31 @@ def _residual_errors(
     model = of_set(chosen)
     if motion.parameters.shape != model.manifold.point_shape:
         return None, None
-    points = seen[:, list(chosen.frames)]
+    points = points[:, list(chosen.frames)]
     inliers = np.flatnonzero((truth == true_label) & np.isfinite(points).all(axis=(1, 2)))
     if len(inliers) < model.subset_size:
         return None, None
     observed = model.observe(points[inliers], chosen.normalization)
-    everyone = np.full(len(inliers), true_label)
-    ours = model.algebraic_residuals(motion.parameters[None], observed, chosen.normalization)[0]
-    res = residual_errors(ours, everyone, true_label)
+    labels = np.full(len(inliers), true_label)
+
+    def error(parameters: Floats) -> float:
+        """The residual error of a motion over the true inliers."""
+        residuals = model.algebraic_residuals(parameters, observed, chosen.normalization)[0]
+        return residual_errors(residuals, labels, true_label)
+
+    res = error(motion.parameters[None])
     fitted, valid = model.algebraic_fit(observed, np.ones((1, len(inliers))))
-    if not valid[0]:
-        return res, None
-    best = model.algebraic_residuals(fitted, observed, chosen.normalization)[0]
-    return res, residual_errors(best, everyone, true_label)
+    return res, error(fitted) if valid[0] else None
 
 
 def report_json(report: Report) -> dict[str, Any]:
-    """The report as plain lists, numbers and strings.
+    """The report as lists, numbers and strings.
 
-    Stable keys: ``motions`` (count), ``misclassification`` (0..1, or None), ``confusion`` (rows
-    true, columns found, Out last, or None), ``modes`` (with ``hypotheses`` and ``kde``), ``res``
-    and ``res_hat`` (per motion by label, or None).
+    Notes
+    -----
+    Stable keys: ``motions`` (count), ``misclassification`` (0..1, or None), ``confusion`` (rows are
+    true motions, columns found ones, outliers last; or None), ``modes`` (with ``hypotheses`` and
+    ``kde``), ``res`` and ``res_hat`` (per motion by label, or None).
     """
     evaluation, labels = report.evaluation, report.labels
     return {
@@ -220,11 +265,12 @@ def report_json(report: Report) -> dict[str, Any]:
 
 
 def report_bytes(report: Report) -> bytes:
-    """``report_json`` as it is written, indented, with a line feed at its end."""
+    """``report_json`` as indented JSON that ends with a newline."""
     return msgspec.json.format(msgspec.json.encode(report_json(report)), indent=1) + b"\n"
 
 
 def _motion_json(report: Report, motion: Motion) -> dict[str, Any]:
+    """One motion of ``report_json``."""
     modes = report.modes_of(motion.label)
     return {
         "label": int(motion.label),
@@ -241,9 +287,10 @@ def _motion_json(report: Report, motion: Motion) -> dict[str, Any]:
 
 
 def _number(value: float | None) -> float | None:
-    # JSON has neither NaN nor infinity
+    """The value for JSON, which has neither NaN nor infinity."""
     return None if value is None or not np.isfinite(value) else float(value)
 
 
 def _numbers(values: Floats) -> list[Any]:
+    """An array as nested lists."""
     return [_numbers(row) if isinstance(row, np.ndarray) else _number(float(row)) for row in values]

@@ -1,9 +1,9 @@
-"""The one place for colours, shapes and sizes: pictures, page, tables and videos all look here.
+"""Colours, shapes and sizes of pictures, page, tables and videos.
 
 The seven motion colours are those of Okabe and Ito ("Color Universal Design", 2008), which people
-with protanopia, deuteranopia or tritanopia can tell apart; every motion also has a shape and a
-number, so that nothing depends on colour alone. Motion 8 repeats the colour of motion 1 with
-another shape: there are 7 colours and 8 shapes, hence 56 combinations.
+with protanopia, deuteranopia or tritanopia can tell apart. Every motion also has a shape and a
+number, so that nothing depends on colour alone. With 7 colours and 8 shapes, 56 motions have
+different combinations; motion 8 has the colour of motion 1 and another shape.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ import math
 from mssegment.records import BACKGROUND, NOT_JUDGED, OUTLIER, Record
 
 Colour = tuple[int, int, int]
-"""Red, green, blue, 0..255."""
+"""Red, green, blue, 0 to 255."""
 
 PALETTE: tuple[Colour, ...] = (
     (230, 159, 0),  # orange
@@ -24,6 +24,7 @@ PALETTE: tuple[Colour, ...] = (
     (0, 114, 178),  # blue
     (240, 228, 66),  # yellow
 )
+"""Colours of motions 1 to 7."""
 SHAPES: tuple[str, ...] = (
     "circle",
     "square",
@@ -34,6 +35,7 @@ SHAPES: tuple[str, ...] = (
     "hexagon",
     "plus",
 )
+"""Marker shapes of motions 1 to 8."""
 GLYPHS = {
     "circle": "●",
     "square": "■",
@@ -47,22 +49,26 @@ GLYPHS = {
     "dot": "·",
     "ring": "○",
 }
+"""Shape -> the character that shows it in text."""
 
 OUTLIER_COLOUR: Colour = (188, 188, 198)
 BACKGROUND_COLOUR: Colour = (196, 200, 208)
 PLAIN_COLOUR: Colour = (255, 214, 10)
-"""Points before anything is known about them."""
+"""Tracks in pictures that do not show labels."""
 INK: Colour = (22, 24, 29)
+"""Text."""
 PAPER: Colour = (255, 255, 255)
+"""Background, and rims of markers."""
 MUTED: Colour = (95, 99, 109)
+"""Secondary text."""
 
 PATH_OPACITY = 0.62
 REGION_OPACITY = 0.38
 HULL_OPACITY = 0.20
 
 
-class Mark(Record, frozen=True):
-    """How one label looks: colour, shape, text glyph and name."""
+class LabelStyle(Record, frozen=True):
+    """How a label is shown: colour, marker shape and name."""
 
     colour: Colour
     shape: str
@@ -79,52 +85,63 @@ class Mark(Record, frozen=True):
         return hexadecimal(self.colour)
 
 
-def mark(label: int) -> Mark:
-    """The look of a label: a motion (1, 2, ...), an outlier, background, or not judged."""
+def label_style(label: int) -> LabelStyle:
+    """The style of a label: motion 1, 2, ..., or a special label of ``records``.
+
+    Examples
+    --------
+    >>> label_style(1).hexadecimal, label_style(1).shape, label_style(0).name
+    ('#e69f00', 'circle', 'outliers')
+    """
     if label > 0:
-        # shapes step on after each round of the colours, so that the pair repeats only after 56
+        # 7 and 8 have no common factor: a pair of colour and shape repeats only after 56 motions
         shape = SHAPES[(label - 1) % len(SHAPES)]
-        return Mark(PALETTE[(label - 1) % len(PALETTE)], shape, f"motion {label}")
+        return LabelStyle(PALETTE[(label - 1) % len(PALETTE)], shape, f"motion {label}")
     if label == BACKGROUND:
-        return Mark(BACKGROUND_COLOUR, "dot", "background")
+        return LabelStyle(BACKGROUND_COLOUR, "dot", "background")
     if label == NOT_JUDGED:
-        return Mark(BACKGROUND_COLOUR, "ring", "not judged")
+        return LabelStyle(BACKGROUND_COLOUR, "ring", "not judged")
     if label == OUTLIER:
-        return Mark(OUTLIER_COLOUR, "cross", "outliers")
-    return Mark(BACKGROUND_COLOUR, "dot", "ignored")
+        return LabelStyle(OUTLIER_COLOUR, "cross", "outliers")
+    return LabelStyle(BACKGROUND_COLOUR, "dot", "ignored")
 
 
 def hexadecimal(colour: Colour) -> str:
-    """A colour as ``#rrggbb``."""
+    """The colour as ``#rrggbb``."""
     return "#{:02x}{:02x}{:02x}".format(*colour)
 
 
 def bgr(colour: Colour) -> Colour:
-    """A colour in OpenCV's order."""
+    """The colour in OpenCV's order."""
     return colour[2], colour[1], colour[0]
 
 
 def luminance(colour: Colour) -> float:
-    """Relative luminance 0..1 (WCAG 2.1)."""
+    """Relative luminance, 0 to 1 (WCAG 2.1)."""
     linear = [c / 12.92 if c <= 0.04045 else ((c + 0.055) / 1.055) ** 2.4 for c in _unit(colour)]
     return 0.2126 * linear[0] + 0.7152 * linear[1] + 0.0722 * linear[2]
 
 
 def text_on(colour: Colour) -> Colour:
-    """Ink or paper, whichever reads better on ``colour``."""
+    """The text colour of higher contrast on ``colour``: ``INK`` or ``PAPER``."""
     light = luminance(colour) + 0.05
     return INK if light / (luminance(INK) + 0.05) >= 1.05 / light else PAPER
 
 
 def _unit(colour: Colour) -> list[float]:
+    """The channels as 0 to 1."""
     return [channel / 255 for channel in colour]
 
 
 class Sizes(Record, frozen=True):
-    """Lengths in pixels of the finished picture, all from one unit that grows with the picture.
+    """Sizes of markers, lines and text, in pixels of the finished picture.
 
-    ``spacing`` is how far markers typically lie from each other: they shrink where they would
-    cover each other.
+    Parameters
+    ----------
+    unit : float
+        Size of the picture relative to 960 x 720; all other sizes are multiples of it.
+    spacing : float
+        Typical distance between markers, which shrink where they would overlap.
     """
 
     unit: float
@@ -137,7 +154,7 @@ class Sizes(Record, frozen=True):
 
     @property
     def small(self) -> float:
-        """Radius of an outlier's or background marker."""
+        """Radius of a marker of an outlier or a background track."""
         return 0.6 * self.marker
 
     @property
@@ -147,12 +164,12 @@ class Sizes(Record, frozen=True):
 
     @property
     def outline(self) -> float:
-        """Width of a hull."""
+        """Width of the outline of a hull."""
         return 2.2 * self.unit
 
     @property
     def badge(self) -> float:
-        """Radius of a motion number's disc."""
+        """Radius of the disc with the number of a motion."""
         return 12.0 * self.unit
 
     @property
@@ -162,5 +179,5 @@ class Sizes(Record, frozen=True):
 
 
 def sizes(width: int, height: int, spacing: float = math.inf) -> Sizes:
-    """The sizes for a picture: unit 1 at 960 x 720, never below 0.6."""
+    """Sizes for a picture of ``width`` x ``height`` pixels: unit 1 at 960 x 720, at least 0.6."""
     return Sizes(max(0.6, (width * width + height * height) ** 0.5 / 1200.0), spacing)

@@ -1,4 +1,4 @@
-"""Writes a scene as SVG: the photograph embedded, everything over it sharp at any size."""
+"""Write a scene as SVG: photographs embedded as JPEG, everything over them as vectors."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ FONT = "system-ui, -apple-system, 'Segoe UI', Roboto, 'Helvetica Neue', Arial, s
 
 
 def write_svg(scene: scenes.Scene, title: str = "") -> str:
-    """The scene as the text of an SVG file; the photographs go in as JPEG."""
+    """The scene as the text of an SVG file; ``title`` is its accessible name."""
     size = f'width="{scene.width}" height="{scene.height}"'
-    # OpenCV puts the centre of the first pixel at 0, SVG its corner
+    # the centre of the first pixel is at 0 in a scene, at 1/2 in SVG
     parts = [
         f'<svg xmlns="http://www.w3.org/2000/svg" {size} '
         f'viewBox="-0.5 -0.5 {scene.width} {scene.height}" font-family="{escape(FONT)}">',
@@ -32,13 +32,13 @@ def write_svg(scene: scenes.Scene, title: str = "") -> str:
 
 
 def data_url(picture: Picture, quality: int = 90) -> str:
-    """A picture as a JPEG ``data:`` address."""
+    """A picture (BGR) as a JPEG ``data:`` URL; ``quality`` 0 to 100."""
     _, encoded = cv2.imencode(".jpg", picture, [cv2.IMWRITE_JPEG_QUALITY, quality])
     return "data:image/jpeg;base64," + base64.b64encode(encoded.tobytes()).decode()
 
 
 def path_of(points: Floats, closed: bool) -> str:
-    """SVG path data through ``points`` [n, 2], two decimals."""
+    """SVG path data through ``points`` [n, 2], with two decimals."""
     numbers = " L".join(f"{x:.2f} {y:.2f}" for x, y in points)
     return f"M{numbers}{'Z' if closed else ''}"
 

@@ -1,7 +1,7 @@
-"""Tables to paste: the paper's two (figures 2-4), and the result table of the command line.
+"""Tables as text, Markdown, LaTeX or CSV: the results, and the two of the paper (figures 2-4).
 
-A table is rows of strings with a header; ``format_table`` lays it out as text, Markdown, LaTeX or
-CSV, and ``format_report`` puts the tables of a report together. Nothing here prints or colours.
+A table is a header and rows of strings; ``format_table`` lays it out, and ``format_report`` puts
+the tables of a report together. Nothing here prints or colours.
 """
 
 from __future__ import annotations
@@ -11,13 +11,13 @@ from unicodedata import east_asian_width
 
 from mssegment.records import BACKGROUND, NOT_JUDGED, OUTLIER, Record
 from mssegment.rendering.report import Report, report_bytes
-from mssegment.rendering.style import GLYPHS, mark
+from mssegment.rendering.style import GLYPHS, label_style
 
 FORMATS = ("text", "json", "csv", "markdown", "latex")
 
 
 class Table(Record, frozen=True):
-    """A header and rows of cells; ``rules`` are the rows above which a line is drawn."""
+    """A header and rows of cells; a line is drawn above each of the rows ``rules``."""
 
     title: str
     header: tuple[str, ...]
@@ -26,7 +26,7 @@ class Table(Record, frozen=True):
 
 
 def result_table(report: Report) -> Table:
-    """What a person wants first: per motion its inliers, hypotheses, density and residual."""
+    """One row per motion: inliers, hypotheses, kernel density, RMS residual; then other labels."""
     header = ["motion", "inliers", "hypotheses", "kde", "rms px"]
     with_truth = report.evaluation is not None
     with_model = len({chosen.model for chosen in report.sets}) > 1
@@ -35,7 +35,7 @@ def result_table(report: Report) -> Table:
     for motion in report.motions:
         modes = report.modes_of(motion.label)
         row = [
-            f"{motion.label} {mark(motion.label).glyph}",
+            f"{motion.label} {label_style(motion.label).glyph}",
             str(len(report.members(motion.label))),
             str(sum(mode.hypotheses for mode in modes)),
             density(modes[0].kde if modes else None),
@@ -57,13 +57,18 @@ def result_table(report: Report) -> Table:
 def modes_table(report: Report, limit: int | None = None) -> Table:
     """The paper's left table: hypotheses and kernel density of each mode, strongest first.
 
-    ``limit`` modes and every one that became a motion; None means one more than there are motions,
-    which is what the paper shows, and at least four.
+    Parameters
+    ----------
+    report : Report
+        The segmentation.
+    limit : int, optional
+        Modes that are shown, besides all that became motions. By default at least four and one
+        more than there are motions, as in the paper.
     """
     modes = report.segmentation.modes
     limit = max(4, len(report.motions) + 1) if limit is None else limit
     several = len(report.sets) > 1
-    header = ["", "mot. hyp.", "kde", "motion"] + (["set"] if several else [])
+    header = ["mode", "hypotheses", "kde", "motion"] + (["set"] if several else [])
     rows = []
     for i, mode in enumerate(modes):
         if i >= limit and mode.motion <= 0:
@@ -75,13 +80,16 @@ def modes_table(report: Report, limit: int | None = None) -> Table:
 
 
 def confusion_table(report: Report) -> Table | None:
-    """The paper's right table: true motions against found ones, with (23) and (24)."""
+    """The paper's right table: the confusion matrix, with the residual errors (23) and (24).
+
+    None without true labels.
+    """
     evaluation = report.evaluation
     if evaluation is None or report.res is None or report.res_hat is None:
         return None
     order = {motion.label: i for i, motion in enumerate(report.motions)}
     back = {true: found for found, true in evaluation.matching.items()}
-    header = ["", *(f"found {f}" for f in evaluation.found_motions), "Out", "res", "res^"]
+    header = ["", *(f"found {f}" for f in evaluation.found_motions), "outlier", "res", "res-hat"]
     rows = []
     for i, true in enumerate(evaluation.true_motions):
         cells = [str(count) for count in evaluation.confusion[i]]
@@ -89,12 +97,12 @@ def confusion_table(report: Report) -> Table | None:
         errors = [] if found is None else [report.res[found], report.res_hat[found]]
         rows.append((f"true {true}", *cells, *([number(e, 4) for e in errors] or ["", ""])))
     last = [str(count) for count in evaluation.confusion[-1]]
-    rows.append(("Out", *last, "", ""))
-    return Table("Found against true motions", tuple(header), tuple(rows), rules=(len(rows) - 1,))
+    rows.append(("outlier", *last, "", ""))
+    return Table("Confusion matrix", tuple(header), tuple(rows), rules=(len(rows) - 1,))
 
 
 def tables_of(report: Report) -> list[Table]:
-    """All tables of a report; those of modes and of true labels only where there are any."""
+    """The tables of a report; modes and confusion matrix only where there are any."""
     modes, confusion = modes_table(report), confusion_table(report)
     return [
         result_table(report),
@@ -104,25 +112,22 @@ def tables_of(report: Report) -> list[Table]:
 
 
 def summary(report: Report) -> str:
-    """One sentence: how many motions, and how many tracks are wrong where that is known."""
+    """One line: the number of motions, and the misclassification if there are true labels."""
     count = len(report.motions)
     motions = "no motion" if count == 0 else f"{count} motion{'s' if count > 1 else ''}"
-    text = f"{motions} among {len(report.labels)} tracks"
+    text = f"{motions} in {len(report.labels)} tracks"
     if report.evaluation is None:
         return text
     share = 100 * report.evaluation.misclassification
-    return f"{text}, {share:.2f} % of {report.evaluation.counted} misclassified"
+    return f"{text}; {share:.2f} % of {report.evaluation.counted} evaluated tracks misclassified"
 
 
 def format_report(report: Report, form: str = "text") -> str:
-    """The report in one of ``FORMATS``, ending with a line feed.
-
-    Raises ValueError for another format.
-    """
+    """The report in one of ``FORMATS``, ending with a newline; raises ValueError for another."""
     if form == "json":
         return report_bytes(report).decode()
     if form not in FORMATS:
-        raise ValueError(f"no format {form!r}, expected one of {', '.join(FORMATS)}")
+        raise ValueError(f"format {form!r}: expected {', '.join(FORMATS)}")
     parts = [format_table(table, form) for table in tables_of(report)]
     if form == "csv":
         return "\n".join(parts)
@@ -134,13 +139,30 @@ def format_report(report: Report, form: str = "text") -> str:
 
 
 def format_table(table: Table, form: str) -> str:
-    """One table as text, Markdown, LaTeX or CSV, ending with a line feed."""
+    """One table as text, Markdown, LaTeX or CSV, ending with a newline.
+
+    Examples
+    --------
+    >>> table = Table("Modes", ("mode", "hypotheses"), (("M1", "171"), ("M2", "63")))
+    >>> print(format_table(table, "text"), end="")
+    mode   hypotheses
+    M1            171
+    M2             63
+    """
     writers = {"text": _text, "markdown": _markdown, "latex": _latex, "csv": _csv}
     return writers[form](table)
 
 
 def number(value: float | None, digits: int = 3) -> str:
-    """A number with ``digits`` significant digits, an exponent only below 1e-4 and from 1e6 on."""
+    """A number with ``digits`` significant digits, ``-`` for None and NaN.
+
+    With an exponent below 1e-4 and from 1e6 on.
+
+    Examples
+    --------
+    >>> number(0.0274894), number(5.1e-7), number(None)
+    ('0.0275', '5.10e-07', '-')
+    """
     if value is None or value != value:
         return "-"
     if value == 0:
@@ -154,18 +176,19 @@ def number(value: float | None, digits: int = 3) -> str:
 
 
 def fixed(value: float | None, places: int) -> str:
-    """A number with a fixed number of decimal places, so that a column can be read at a glance."""
+    """A number with ``places`` decimal places, ``-`` for None and NaN."""
     return "-" if value is None or value != value else f"{value:.{places}f}"
 
 
 def density(value: float | None) -> str:
-    """A kernel density as in the paper's tables: four places, more where there would be only 0."""
+    """A kernel density as in the paper's tables: four decimal places, more for smaller values."""
     if value is not None and 0 < value < 5e-5:
         return number(value, 2)
     return fixed(value, 4)
 
 
 def _width(text: str) -> int:
+    """Width in terminal columns."""
     return sum(2 if east_asian_width(c) in "WF" else 1 for c in text)
 
 
@@ -207,10 +230,10 @@ _LATEX = {
 
 
 def _latex_escape(cell: str) -> str:
-    if cell == "res^":
+    if cell == "res-hat":
         return r"$\widehat{\mathrm{res}}$"
     head, _, shape = cell.rpartition(" ")
-    if shape in GLYPHS.values():  # shapes need packages that a paper may not load
+    if shape in GLYPHS.values():  # LaTeX needs packages for these characters
         cell = head
     return "".join(_LATEX.get(sign, sign) for sign in cell)
 

@@ -1,7 +1,7 @@
-"""A picture in the terminal itself, where the terminal can show one: kitty's protocol, or sixel.
+"""Pictures in the terminal, where it can show them: kitty's protocol, iTerm2's, or sixel.
 
-Nothing here asks the terminal anything; what it can do is read off its environment, so that a
-pipe or a plain terminal never gets a byte that it does not understand.
+What the terminal can do is read from its environment, never asked for with escape sequences, so
+that a pipe or a plain terminal does not receive bytes that it does not understand.
 """
 
 from __future__ import annotations
@@ -17,14 +17,15 @@ from mssegment.rendering.report import Picture
 
 PROTOCOLS = ("kitty", "iterm", "sixel")
 _KITTY_CHUNK = 4096
+"""Bytes of base64 in one escape sequence, the limit of the protocol."""
 _SIXEL_LEVELS = 6
-"""Levels per channel: 216 colours, which every sixel terminal has."""
+"""Levels per channel: 216 colours, which every sixel terminal can show."""
 
 
 def protocol_of(environment: Mapping[str, str]) -> str | None:
-    """What the terminal of this environment can show: one of ``PROTOCOLS``, or None.
+    """The protocol of the terminal with these environment variables, or None.
 
-    Inside of tmux or screen, which swallow pictures, None.
+    One of ``PROTOCOLS``. None inside tmux or screen, which do not pass pictures on.
     """
     term = environment.get("TERM", "")
     program = environment.get("TERM_PROGRAM", "")
@@ -42,9 +43,26 @@ def protocol_of(environment: Mapping[str, str]) -> str | None:
 
 
 def show(picture: Picture, protocol: str, width: int = 800) -> bytes:
-    """The bytes that make a terminal show a picture [h, w, 3] (blue first), at most ``width`` wide.
+    """Encode a picture for a terminal.
 
-    Raises ValueError for a protocol that is not in ``PROTOCOLS``.
+    Parameters
+    ----------
+    picture : uint8 array [height, width, 3]
+        In BGR order.
+    protocol : str
+        One of ``PROTOCOLS``.
+    width : int
+        A wider picture is reduced to this width in pixels.
+
+    Returns
+    -------
+    bytes
+        Escape sequences to write to the terminal.
+
+    Raises
+    ------
+    ValueError
+        For another protocol.
     """
     height, full = picture.shape[:2]
     if full > width:
@@ -57,7 +75,7 @@ def show(picture: Picture, protocol: str, width: int = 800) -> bytes:
         return b"\x1b]1337;File=inline=1;preserveAspectRatio=1:" + encoded + b"\x07\n"
     if protocol == "sixel":
         return _sixel(picture)
-    raise ValueError(f"no protocol {protocol!r}, expected one of {', '.join(PROTOCOLS)}")
+    raise ValueError(f"protocol {protocol!r}: expected {', '.join(PROTOCOLS)}")
 
 
 def _png(picture: Picture) -> bytes:
@@ -76,7 +94,7 @@ def _kitty(png: bytes) -> bytes:
 
 
 def _sixel(picture: Picture) -> bytes:
-    """Six rows at a time; each colour that occurs in them gets a line of its own."""
+    """Sixel data: bands of six rows, with one line for every colour in a band."""
     height, width = picture.shape[:2]
     levels = np.round(picture[..., ::-1].astype(np.float64) / 255 * (_SIXEL_LEVELS - 1))
     colours = levels.astype(np.int64) @ np.array([_SIXEL_LEVELS**2, _SIXEL_LEVELS, 1])

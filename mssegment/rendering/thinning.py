@@ -1,7 +1,7 @@
-"""Which displacements are drawn: all, where there is room; else an even spread of them.
+"""Which displacements are drawn: all where there is space, else an evenly spread share.
 
-Every track keeps its marker. Without this, hundreds of long displacements of one object would
-paint its surroundings in one colour, and nobody would see a direction any more.
+Every track keeps its marker. Hundreds of long displacements of one object would cover its
+surroundings and hide the directions.
 """
 
 from __future__ import annotations
@@ -12,49 +12,64 @@ import numpy.typing as npt
 from mssegment.records import Floats, Frame, Integers
 from mssegment.rendering.report import Report
 
-MOST_INK = 0.3
-"""The share of the room of one label that its displacements may cover."""
-LEAST = 12
-"""So many displacements of a label are always drawn."""
-PARTS = 6
-WIDTH = 1 / 400
-"""The width of a displacement over the diagonal of the frame, as it is drawn about everywhere."""
+MAX_COVERAGE = 0.3
+"""Share of the area of a group of tracks that its displacements may cover."""
+MIN_DISPLACEMENTS = 12
+"""Displacements of a label that are drawn in any case."""
+GRID_CELLS = 6
+"""Cells per side of the grid on which displacements are thinned without regard to labels."""
+RELATIVE_WIDTH = 1 / 400
+"""Approximate width of a drawn displacement, relative to the diagonal of the frame."""
 
 
-def carriers(report: Report, index: int, *, together: bool = False) -> npt.NDArray[np.bool_]:
-    """Which tracks [P] show their displacement in frame ``index``; the same share of each label.
+def shown_displacements(
+    report: Report, index: int, *, ignore_labels: bool = False
+) -> npt.NDArray[np.bool_]:
+    """Select the tracks whose displacement is drawn in a frame.
 
-    ``together`` is for pictures that do not tell the labels apart: there every part of the frame
-    is thinned for itself.
+    Parameters
+    ----------
+    report : Report
+        The segmentation.
+    index : int
+        Number of the frame.
+    ignore_labels : bool
+        For pictures that do not show labels: thin every cell of a grid by itself, not every label.
+
+    Returns
+    -------
+    bool array [P]
     """
     frame = report.frames[index]
-    width = WIDTH * float(np.hypot(frame.width, frame.height))
-    here = report.tracks.points[:, index]
-    seen = np.asarray(np.isfinite(here).all(axis=1))
-    groups = _parts(here, frame) if together else report.labels
-    least = LEAST // 4 if together else LEAST
+    width = RELATIVE_WIDTH * float(np.hypot(frame.width, frame.height))
+    positions = report.tracks.points[:, index]
+    visible = np.asarray(np.isfinite(positions).all(axis=1))
+    groups = _grid_cells(positions, frame) if ignore_labels else report.labels
+    least = MIN_DISPLACEMENTS // 4 if ignore_labels else MIN_DISPLACEMENTS
     shown = np.zeros(len(groups), dtype=bool)
     for group in np.unique(groups):
-        members = np.flatnonzero(seen & (groups == group))
-        room = _room(here[members])
-        ink = width * _lengths(report.tracks.points[members])
-        total = float(ink.sum())
+        members = np.flatnonzero(visible & (groups == group))
+        area = _occupied_area(positions[members])
+        covered = float((width * _lengths(report.tracks.points[members])).sum())
         count = len(members)
-        if total > MOST_INK * room:
-            count = max(least, int(count * MOST_INK * room / total))
-        shown[members[spread(here[members], count)]] = True
+        if covered > MAX_COVERAGE * area:
+            count = max(least, int(count * MAX_COVERAGE * area / covered))
+        shown[members[farthest_points(positions[members], count)]] = True
     return shown
 
 
-def _parts(points: Floats, frame: Frame) -> Integers:
-    """Which of ``PARTS`` x ``PARTS`` parts of the frame each point [P, 2] lies in."""
+def _grid_cells(points: Floats, frame: Frame) -> Integers:
+    """The cell of a regular grid over the frame in which each point [P, 2] lies."""
     size = np.array([max(1, frame.width), max(1, frame.height)])
-    cells = np.clip(np.nan_to_num(points) / size * PARTS, 0, PARTS - 1).astype(np.int64)
-    return np.asarray(cells[:, 0] + PARTS * cells[:, 1])
+    cells = np.clip(np.nan_to_num(points) / size * GRID_CELLS, 0, GRID_CELLS - 1).astype(np.int64)
+    return np.asarray(cells[:, 0] + GRID_CELLS * cells[:, 1])
 
 
-def spread(points: Floats, count: int) -> Integers:
-    """Indices of ``count`` of the points [n, 2], each the farthest from those before it."""
+def farthest_points(points: Floats, count: int) -> Integers:
+    """Select points by farthest point sampling, starting next to the median.
+
+    ``points`` is [n, 2]; returns ``count`` ascending indices, all where there are fewer points.
+    """
     if count >= len(points):
         return np.arange(len(points))
     chosen = [int(np.argmin(((points - np.median(points, axis=0)) ** 2).sum(axis=1)))]
@@ -67,15 +82,15 @@ def spread(points: Floats, count: int) -> Integers:
     return np.sort(np.array(chosen))
 
 
-def _room(points: Floats) -> float:
-    """The area of the box that holds nine tenths of the points each way, in square pixels."""
+def _occupied_area(points: Floats) -> float:
+    """Area in square pixels of the box between the 5 % and 95 % quantiles of points [n, 2]."""
     if len(points) < 2:
         return np.inf
     low, high = np.quantile(points, [0.05, 0.95], axis=0)
     return float(np.prod(np.maximum(high - low, 1.0)))
 
 
-def _lengths(ways: Floats) -> Floats:
-    """How long each way [n, F, 2] is from one sighting to the next, in pixels."""
-    steps = np.diff(ways, axis=1)
+def _lengths(tracks: Floats) -> Floats:
+    """Length in pixels of each track [n, F, 2], over consecutive frames in which it is visible."""
+    steps = np.diff(tracks, axis=1)
     return np.asarray(np.nansum(np.hypot(steps[..., 0], steps[..., 1]), axis=1))

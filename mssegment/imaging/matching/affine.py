@@ -1,9 +1,9 @@
-"""The matcher for two views that may lie far apart: oriented patches, affine Lucas-Kanade, growing.
+"""Matcher ``affine``: two views that differ by rotation, scale, slant and brightness.
 
-Corners of a pyramid are compared by oriented normalised patches; what is distinctive and mutual is
-registered by affine Lucas-Kanade, which verifies it, places it to a fraction of a pixel and gives
-each match its local affine map. Matches confirm each other by these maps, and predict where the
-corners that found no partner should be.
+Corners of a pyramid are compared by oriented normalised patches. Distinctive mutual pairs are
+registered by affine Lucas-Kanade, which verifies them, refines their position below a pixel and
+gives each match a local affine map. By these maps matches confirm each other, and predict the
+positions of corners that are still unmatched.
 """
 
 from __future__ import annotations
@@ -13,107 +13,138 @@ from collections.abc import Sequence
 import numpy as np
 import numpy.typing as npt
 
-from mssegment.imaging.corners import spread
+from mssegment.imaging.corners import select_apart
 from mssegment.imaging.matching.descriptors import compressed, describe
-from mssegment.imaging.matching.lucas_kanade import Registered, Windows, likeness, register
+from mssegment.imaging.matching.lucas_kanade import Registered, Windows, correlations, register
 from mssegment.imaging.matching.nearest import Pairs, mutual
-from mssegment.imaging.matching.orientation import dominant
+from mssegment.imaging.matching.orientation import dominant_directions
+from mssegment.imaging.matching.pyramid_corners import PyramidCorners, two_views
+from mssegment.imaging.matching.resampling import Indices
 from mssegment.imaging.matching.support import (
-    distance_to,
+    distance_to_matches,
+    has_support,
     nearest_matches,
     predict,
-    supported,
 )
-from mssegment.imaging.matching.views import Indices, View, two_views
-from mssegment.imaging.pictures import Grey
+from mssegment.imaging.pictures import GreyPicture
 from mssegment.imaging.pyramid import FACTOR, size_unit
 from mssegment.neighbours import pairs_within
 from mssegment.records import Corners, Floats, Record, Tracks
 
 RATIO = 0.85
-SAME_PLACE = 4.0
-DRIFT = 8.0
-CORRELATION = 0.8
+"""Of the ratio test (Lowe, IJCV 2004)."""
+SAME_CORNER_DISTANCE = 4.0
+"""Pixels; descriptors nearer to each other describe the same corner."""
+MAX_DRIFT = 8.0
+"""Pixels of the level by which registration may move a match of two descriptors."""
+MIN_CORRELATION = 0.8
 SINGULAR_VALUES = (0.35, 2.8)
-ANISOTROPY = 3.0
-THINNING = 3.0
-"""Pixels; matches nearer to each other say the same thing."""
-PER_PLACE = 2
+"""Range of the singular values of a credible local affine map."""
+MAX_ANISOTROPY = 3.0
+"""Largest ratio of the two singular values."""
+MATCH_DISTANCE = 3.0
+"""Pixels; of matches nearer to each other only the best is kept."""
+PAIRS_PER_PLACE = 2
 """Pairs of patches that are registered at one place in view 1."""
-CONFIRMING = (2, 4)
-"""Support asked for at first, among neighbours many of which are wrong, and then."""
+SUPPORT = (2, 4)
+"""Neighbours that must confirm a match: first while many neighbours are wrong, then finally."""
 GROWTH_ROUNDS = 3
 GROWTH_NEIGHBOURS = 3
+"""Nearest matches that predict the position of an unmatched corner."""
 GROWTH_RADIUS = 40.0
-GROWTH_DRIFT = 5.0
-PROMISING = 0.4
-"""Correlation that a predicted place must have before registration to be worth it."""
+"""Pixels, in a picture of 640 x 480, within which a match predicts."""
+GROWTH_MAX_DRIFT = 5.0
+"""Pixels of the level by which registration may move a predicted match."""
+PROMISING_CORRELATION = 0.4
+"""Correlation at a predicted position that makes registration worthwhile."""
 
 
-class _Matches(Record, frozen=True):
-    """Matches: positions [n, 2] in both pictures, local affines, correlation.
+class _AffineMatches(Record, frozen=True):
+    """Matches: positions [n, 2] in both views, local affine maps, correlation.
 
-    ``born`` [n] is the round of growth that found each, 0 for the patches.
+    ``grown_in`` [n] is the round of growth that found each, 0 for those of the descriptors.
     """
 
     first: Floats
     second: Floats
     affines: Floats
     correlation: Floats
-    born: Indices
+    grown_in: Indices
 
-    def __getitem__(self, rows: Indices | npt.NDArray[np.bool_]) -> _Matches:
-        return _Matches(
+    def __getitem__(self, rows: Indices | npt.NDArray[np.bool_]) -> _AffineMatches:
+        return _AffineMatches(
             self.first[rows],
             self.second[rows],
             self.affines[rows],
             self.correlation[rows],
-            self.born[rows],
+            self.grown_in[rows],
         )
 
-    def and_(self, other: _Matches) -> _Matches:
-        return _Matches(
+    def joined_with(self, other: _AffineMatches) -> _AffineMatches:
+        return _AffineMatches(
             np.concatenate([self.first, other.first]),
             np.concatenate([self.second, other.second]),
             np.concatenate([self.affines, other.affines]),
             np.concatenate([self.correlation, other.correlation]),
-            np.concatenate([self.born, other.born]),
+            np.concatenate([self.grown_in, other.grown_in]),
         )
 
 
 def match(
-    pictures: Sequence[Grey],
+    pictures: Sequence[GreyPicture],
     corners: Sequence[Corners],
     *,
     ratio: float = RATIO,
-    correlation: float = CORRELATION,
+    correlation: float = MIN_CORRELATION,
     rounds: int = GROWTH_ROUNDS,
 ) -> Tracks:
-    """Match two views under rotation, scale, slant and change of light.
+    """Match two views by oriented patches and affine Lucas-Kanade.
 
-    ``ratio`` is the greatest allowed ratio of the distances to the nearest patch and to the
-    nearest at another place; ``correlation`` the least correlation after registration; ``rounds``
-    how often the matches may grow. Tracks [P, 2, 2] in pixels with ``affines`` [P, 2, 2], best
-    correlation first; raises ``UsageError`` for other than two pictures.
+    Parameters
+    ----------
+    pictures : sequence of two float32 arrays [height, width]
+        Grey values 0 to 255.
+    corners : sequence of two Corners
+        The corners of each picture.
+    ratio : float
+        Largest ratio of the distances to the nearest patch and to the nearest at another place.
+    correlation : float
+        Least correlation after registration.
+    rounds : int
+        Largest number of rounds in which matches predict further ones.
+
+    Returns
+    -------
+    Tracks
+        Matches [P, 2, 2] in pixels, best correlation first; ``affines`` [P, 2, 2] are their local
+        affine maps from view 1 to view 2.
+
+    Raises
+    ------
+    ValueError
+        For other than two pictures.
     """
-    first, second = two_views("affine", pictures, corners)
-    found = _seeds(first, second, ratio, correlation)
-    found = _confirmed(found)
+    first, second = two_views(pictures, corners)
+    found = _confirmed(_descriptor_matches(first, second, ratio, correlation))
     for number in range(1, rounds + 1):
-        found = _confirmed(found.and_(_grow(first, second, found, number, correlation)))
-        if not (found.born == number).any():
+        found = _confirmed(found.joined_with(_grow(first, second, found, number, correlation)))
+        if not (found.grown_in == number).any():
             break
     found = found[np.argsort(-found.correlation, kind="stable")]
     return Tracks(points=np.stack([found.first, found.second], axis=1), affines=found.affines)
 
 
-def _seeds(first: View, second: View, ratio: float, correlation: float) -> _Matches:
+def _descriptor_matches(
+    first: PyramidCorners, second: PyramidCorners, ratio: float, correlation: float
+) -> _AffineMatches:
     """Distinctive mutual pairs of patches that registration confirms."""
-    corner1, angle1 = dominant(first)
-    corner2, angle2 = dominant(second)
+    corner1, angle1 = dominant_directions(first)
+    corner2, angle2 = dominant_directions(second)
     one = compressed(describe(first.take(corner1), angle1))
     two = compressed(describe(second.take(corner2), angle2))
-    pairs = mutual(one, two, 0.0, ratio=ratio, places=second.points[corner2], apart=SAME_PLACE)
+    pairs = mutual(
+        one, two, 0.0, ratio=ratio, places=second.points[corner2], apart=SAME_CORNER_DISTANCE
+    )
     pairs = _uncrowded(pairs, first.points[corner1])
     c1, c2 = corner1[pairs.first], corner2[pairs.second]
     turn = angle2[pairs.second] - angle1[pairs.first]
@@ -127,71 +158,85 @@ def _seeds(first: View, second: View, ratio: float, correlation: float) -> _Matc
         levels_second=second.levels[c2],
     )
     refined = register(first.pyramid, second.pyramid, windows)
-    good = _credible(windows, refined, second, DRIFT, correlation)
+    good = _credible(windows, refined, second, MAX_DRIFT, correlation)
     return _as_matches(windows, refined, 0)[good]
 
 
 def _uncrowded(pairs: Pairs, places: Floats) -> Pairs:
-    """The pairs with fewer than PER_PLACE better ones at their place in view 1.
+    """The pairs with fewer than PAIRS_PER_PLACE better ones at their place in view 1.
 
-    ``places`` are those of all patches there. Only one of a place stays in the end, but two may
-    differ in scale or direction, and which is right is seen when they are registered.
+    ``places`` are those of all patches of view 1. Only one pair of a place survives in the end, but
+    candidates may differ in scale or direction, and only registration tells which is right.
     """
-    one, two = pairs_within(places[pairs.first], THINNING).T
+    one, two = pairs_within(places[pairs.first], MATCH_DISTANCE).T
     worse = np.where(pairs.correlation[one] < pairs.correlation[two], one, two)
-    kept = np.bincount(worse, minlength=len(pairs.first)) < PER_PLACE
+    kept = np.bincount(worse, minlength=len(pairs.first)) < PAIRS_PER_PLACE
     return Pairs(pairs.first[kept], pairs.second[kept], pairs.correlation[kept])
 
 
 def _credible(
-    windows: Windows, refined: Registered, second: View, drift: float, correlation: float
+    windows: Windows,
+    refined: Registered,
+    second: PyramidCorners,
+    max_drift: float,
+    correlation: float,
 ) -> npt.NDArray[np.bool_]:
-    """Which registrations stayed near, look alike, and have a map that a surface can have."""
+    """Which registrations stayed close, correlate, and have a map that a surface can have."""
     scales = np.array([level.scale for level in second.pyramid])[windows.levels_second]
     moved = np.linalg.norm(refined.second - windows.second, axis=1)
     values = np.linalg.svd(refined.affines, compute_uv=False)
     low, high = SINGULAR_VALUES
-    sane = (values[:, 1] > low) & (values[:, 0] < high) & (values[:, 0] < ANISOTROPY * values[:, 1])
+    plausible = (
+        (values[:, 1] > low)
+        & (values[:, 0] < high)
+        & (values[:, 0] < MAX_ANISOTROPY * values[:, 1])
+    )
     height, width = second.pyramid[0].grey.shape
     inside = ((refined.second >= 0) & (refined.second <= (width - 1, height - 1))).all(axis=1)
-    near = moved < drift * scales
-    return np.asarray(sane & inside & near & (refined.correlation > correlation))
+    close = moved < max_drift * scales
+    return np.asarray(plausible & inside & close & (refined.correlation > correlation))
 
 
-def _as_matches(windows: Windows, refined: Registered, born: int) -> _Matches:
-    return _Matches(
+def _as_matches(windows: Windows, refined: Registered, grown_in: int) -> _AffineMatches:
+    """Registered windows as matches of one round."""
+    return _AffineMatches(
         windows.first,
         refined.second,
         refined.affines,
         refined.correlation,
-        np.full(len(windows.first), born),
+        np.full(len(windows.first), grown_in),
     )
 
 
-def _confirmed(found: _Matches) -> _Matches:
-    """One match per few pixels, the best, and only what its neighbours confirm, twice over."""
+def _confirmed(found: _AffineMatches) -> _AffineMatches:
+    """The best match of every place, and of these the ones that their neighbours confirm."""
     found = found[np.argsort(-found.correlation, kind="stable")]
-    found = found[spread(found.first, THINNING)]
-    for least in CONFIRMING:
-        found = found[supported(found.first, found.second, found.affines, least)]
+    found = found[select_apart(found.first, MATCH_DISTANCE)]
+    for min_support in SUPPORT:
+        found = found[has_support(found.first, found.second, found.affines, min_support)]
     return found
 
 
-def _grow(first: View, second: View, found: _Matches, number: int, correlation: float) -> _Matches:
-    """Matches for corners that have none yet, at the places that their neighbours predict.
+def _grow(
+    first: PyramidCorners,
+    second: PyramidCorners,
+    found: _AffineMatches,
+    number: int,
+    correlation: float,
+) -> _AffineMatches:
+    """Matches for unmatched corners, at the positions that their neighbours predict.
 
-    Round ``number`` asks only neighbours that the round before has found: the others have spoken.
+    Round ``number`` uses the neighbours found in the round before: older ones have been tried.
     """
     if not len(found.first):
         return found
-    gap = distance_to(first.points, found.first)
-    free = np.flatnonzero(gap >= THINNING)
+    free = np.flatnonzero(distance_to_matches(first.points, found.first) >= MATCH_DISTANCE)
     if not len(free):
         return found[free]
     radius = GROWTH_RADIUS * size_unit(first.pyramid[0].grey)
     rows, near = nearest_matches(first.points[free], found.first, GROWTH_NEIGHBOURS, radius)
-    news = found.born[near] == number - 1
-    rows, near = rows[news], near[news]
+    untried = found.grown_in[near] == number - 1
+    rows, near = rows[untried], near[untried]
     corner = free[rows]
     affines = found.affines[near]
     windows = Windows(
@@ -199,19 +244,19 @@ def _grow(first: View, second: View, found: _Matches, number: int, correlation: 
         second=predict(first.points[corner], found.first[near], found.second[near], affines),
         affines=affines,
         levels=first.levels[corner],
-        levels_second=_level_for(second, first.scales[corner], affines),
+        levels_second=_matching_level(second, first.scales[corner], affines),
     )
-    likely = likeness(first.pyramid, second.pyramid, windows)
+    likely = correlations(first.pyramid, second.pyramid, windows)
     best = _best_of_each(corner, likely)
-    best = best[likely[best] > PROMISING]
+    best = best[likely[best] > PROMISING_CORRELATION]
     windows, corner = windows[best], corner[best]
     refined = register(first.pyramid, second.pyramid, windows)
-    good = _credible(windows, refined, second, GROWTH_DRIFT, correlation)
+    good = _credible(windows, refined, second, GROWTH_MAX_DRIFT, correlation)
     return _as_matches(windows, refined, number)[good]
 
 
-def _level_for(second: View, scales: Floats, affines: Floats) -> Indices:
-    """The level of view 2 on which a window of that scale has about as many pixels."""
+def _matching_level(second: PyramidCorners, scales: Floats, affines: Floats) -> Indices:
+    """The level of view 2 on which a window of that scale has about the same number of pixels."""
     grown = scales * np.sqrt(np.maximum(np.abs(np.linalg.det(affines)), 1e-6))
     level = np.rint(np.log(grown) / np.log(FACTOR)).astype(np.intp)
     return np.asarray(np.clip(level, 0, len(second.pyramid) - 1))

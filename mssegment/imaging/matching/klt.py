@@ -1,4 +1,4 @@
-"""Tracks through a sequence: pyramidal Lucas-Kanade, forwards and back again."""
+"""Matcher ``flow``: tracks through a sequence by pyramidal Lucas-Kanade with a backward check."""
 
 from __future__ import annotations
 
@@ -8,76 +8,105 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from mssegment.imaging.corners import FEW_FRAMES, spread
-from mssegment.imaging.matching.photometric import Light, first_light, flash, light_between
-from mssegment.imaging.pictures import Grey
+from mssegment.imaging.corners import FEW_FRAMES, select_apart
+from mssegment.imaging.matching.photometric import (
+    PhotometricChange,
+    abrupt_change,
+    change_along_tracks,
+    stretched_contrast,
+)
+from mssegment.imaging.pictures import GreyPicture
 from mssegment.neighbours import nearest
 from mssegment.records import Corners, Floats, Record, Tracks
 
 Bytes = npt.NDArray[np.uint8]
 
-WINDOW = 15
-LEVELS = 3
+SEARCH_WINDOW = 15
+"""Side in pixels of the Lucas-Kanade window."""
+PYRAMID_LEVELS = 3
 RETURN_ERROR = 0.5
-DISTANCE = 5.0
-SHORTEST = 3
-"""What crosses the picture in a few frames is lost among longer tracks only; two frames say nothing
-that a third confirms."""
+"""Pixels by which a track followed back may miss its start."""
+TRACK_DISTANCE = 5.0
+"""Pixels around a track within which no corner starts a new one."""
+MIN_TRACK_LENGTH = 3
+"""Frames. Objects that cross the view quickly have no longer tracks, but a displacement between
+two frames that no third frame confirms is no evidence."""
 
 
 def match(
-    pictures: Sequence[Grey],
+    pictures: Sequence[GreyPicture],
     corners: Sequence[Corners],
     *,
-    window: int = WINDOW,
-    levels: int = LEVELS,
+    window: int = SEARCH_WINDOW,
+    levels: int = PYRAMID_LEVELS,
     return_error: float = RETURN_ERROR,
-    distance: float = DISTANCE,
+    distance: float = TRACK_DISTANCE,
     renew: bool | None = None,
     min_length: int | None = None,
 ) -> Tracks:
-    """Follow corners from frame to frame by pyramidal Lucas-Kanade.
+    """Track corners from frame to frame by pyramidal Lucas-Kanade (Bouguet 2000).
 
-    A gain and an offset of the light from frame to frame are found and undone. A track ends where
-    following it back misses by more than ``return_error`` pixels, where it leaves the picture, or
-    where it comes closer than half of ``distance`` to an older one. With ``renew`` the corners of
-    later frames start new tracks wherever none is within ``distance`` pixels. Tracks seen in fewer
-    than ``min_length`` frames are dropped. By default up to 8 frames give whole tracks only (from
-    the first frame to the last), longer sequences renew and keep what lasts 3 frames.
+    A gain and an offset of the brightness from frame to frame are estimated and undone. A track
+    ends where following it back misses by more than ``return_error``, where it leaves the picture,
+    or where it comes closer than half of ``distance`` to an older one.
 
-    Returns tracks [P, F, 2] in pixels, NaN where not seen, in the order in which they begin.
+    Parameters
+    ----------
+    pictures : sequence of float32 array [height, width]
+        Two or more grey frames, 0 to 255.
+    corners : sequence of Corners
+        The corners of each frame.
+    window : int
+        Side of the search window, pixels.
+    levels : int
+        Pyramid levels above the picture itself.
+    return_error : float
+        Largest forward-backward error, pixels.
+    distance : float
+        Least distance of a new track from existing ones, pixels.
+    renew : bool, optional
+        Whether corners of later frames start new tracks. By default for more than 8 frames.
+    min_length : int, optional
+        Drop tracks visible in fewer frames. By default 3 for more than 8 frames, else the number
+        of frames: every track is complete.
+
+    Returns
+    -------
+    Tracks
+        Positions [P, F, 2] in pixels, NaN where not visible, in order of their first frame.
     """
     count = len(pictures)
-    whole = count <= FEW_FRAMES
-    renew = not whole if renew is None else renew
-    shortest = min_length if min_length is not None else (count if whole else SHORTEST)
-    history = _start(corners[0].points, count, 0)
+    short_sequence = count <= FEW_FRAMES
+    renew = not short_sequence if renew is None else renew
+    if min_length is None:
+        min_length = count if short_sequence else MIN_TRACK_LENGTH
+    tracks = _start(corners[0].points, count, 0)
     search = _Search(window, levels, return_error)
-    light = first_light(pictures[0])
-    before = light.undone(pictures[0])
+    change = stretched_contrast(pictures[0])
+    before = change.undo(pictures[0])
     for frame in range(1, count):
         picture = pictures[frame]
-        live = np.flatnonzero(np.isfinite(history[:, frame - 1, 0]))
-        starts = history[live, frame - 1]
-        ends, kept, light = _follow_in_any_light(before, picture, starts, light, search)
+        live = np.flatnonzero(np.isfinite(tracks[:, frame - 1, 0]))
+        starts = tracks[live, frame - 1]
+        ends, kept, change = _follow_under_change(before, picture, starts, change, search)
         live, ends = live[kept], ends[kept]
-        apart = spread(ends, distance / 2)
-        history[live[apart], frame] = ends[apart]
+        apart = select_apart(ends, distance / 2)
+        tracks[live[apart], frame] = ends[apart]
         if renew and frame < count - 1:
             fresh = _far_from(corners[frame].points, ends[apart], distance)
-            history = np.concatenate([history, _start(fresh, count, frame)])
-        before = light.undone(picture)
-    seen = np.isfinite(history[..., 0]).sum(axis=1)
-    return Tracks(points=history[seen >= max(2, min(shortest, count))])
+            tracks = np.concatenate([tracks, _start(fresh, count, frame)])
+        before = change.undo(picture)
+    length = np.isfinite(tracks[..., 0]).sum(axis=1)
+    return Tracks(points=tracks[length >= max(2, min(min_length, count))])
 
 
-def _eight_bits(picture: Grey) -> Bytes:
-    """What OpenCV's Lucas-Kanade takes."""
+def _eight_bits(picture: GreyPicture) -> Bytes:
+    """The picture in the depth that OpenCV's Lucas-Kanade takes."""
     return np.asarray(np.clip(np.rint(picture), 0, 255), np.uint8)
 
 
 def _start(points: Floats, count: int, frame: int) -> Floats:
-    """New tracks [n, count, 2] that are seen in ``frame`` only."""
+    """New tracks [n, count, 2], visible in ``frame`` only."""
     tracks = np.full((len(points), count, 2), np.nan)
     tracks[:, frame] = points
     return tracks
@@ -92,46 +121,50 @@ def _far_from(points: Floats, others: Floats, distance: float) -> Floats:
 
 
 class _Search(Record, frozen=True):
-    """How Lucas-Kanade looks: side of the window, pyramid levels, allowed miss on the way back."""
+    """Parameters of Lucas-Kanade: side of the window, pyramid levels, forward-backward error."""
 
     window: int
     levels: int
     return_error: float
 
 
-def _follow_in_any_light(
-    before: Grey, picture: Grey, starts: Floats, light: Light, search: _Search
-) -> tuple[Floats, npt.NDArray[np.bool_], Light]:
-    """Follow points, and once more if what they show is that the light has changed.
+def _follow_under_change(
+    before: GreyPicture,
+    picture: GreyPicture,
+    starts: Floats,
+    change: PhotometricChange,
+    search: _Search,
+) -> tuple[Floats, npt.NDArray[np.bool_], PhotometricChange]:
+    """Follow points, and a second time if the first shows that the brightness has changed.
 
-    ``before`` is in the first frame's light, ``light`` is the change up to it.
+    ``before`` has the brightness of frame 1; ``change`` is the change up to it.
     """
-    light = light.then(flash(before, light.undone(picture)))
-    after = light.undone(picture)
+    change = change.then(abrupt_change(before, change.undo(picture)))
+    after = change.undo(picture)
     ends, kept = _follow(before, after, starts, search)
     if kept.any():
-        change = light_between(before, after, starts[kept], ends[kept])
-        if change.is_clear:
-            light = light.then(change)
-            ends, kept = _follow(before, light.undone(picture), starts, search)
-    return ends, kept, light
+        further = change_along_tracks(before, after, starts[kept], ends[kept])
+        if further.is_noticeable:
+            change = change.then(further)
+            ends, kept = _follow(before, change.undo(picture), starts, search)
+    return ends, kept, change
 
 
 def _follow(
-    before: Grey, after: Grey, points: Floats, search: _Search
+    before: GreyPicture, after: GreyPicture, points: Floats, search: _Search
 ) -> tuple[Floats, npt.NDArray[np.bool_]]:
-    """Where points [n, 2] of one frame are in the next, and which of them came back."""
+    """Positions of points [n, 2] in the next frame, and which pass the backward check."""
     if not len(points):
         return points, np.zeros(0, bool)
     one, two = _eight_bits(before), _eight_bits(after)
     start = points.astype(np.float32).reshape(-1, 1, 2)
-    there, found = _lucas_kanade(one, two, start, search)
-    back, returned = _lucas_kanade(two, one, there, search)
-    miss = np.linalg.norm((back - start).reshape(-1, 2), axis=1)
-    ends = there.reshape(-1, 2).astype(np.float64)
+    end, found = _lucas_kanade(one, two, start, search)
+    back, returned = _lucas_kanade(two, one, end, search)
+    error = np.linalg.norm((back - start).reshape(-1, 2), axis=1)
+    ends = end.reshape(-1, 2).astype(np.float64)
     height, width = after.shape
     inside = ((ends >= 0) & (ends <= (width - 1, height - 1))).all(axis=1)
-    return ends, np.asarray(found & returned & (miss < search.return_error) & inside)
+    return ends, np.asarray(found & returned & (error < search.return_error) & inside)
 
 
 def _lucas_kanade(
@@ -140,6 +173,7 @@ def _lucas_kanade(
     start: npt.NDArray[np.float32],
     search: _Search,
 ) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.bool_]]:
+    """End points [n, 1, 2], and which of them OpenCV found."""
     side = (search.window, search.window)
     ends, found, _ = cv2.calcOpticalFlowPyrLK(
         before, after, start, np.empty_like(start), winSize=side, maxLevel=search.levels

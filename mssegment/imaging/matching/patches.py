@@ -1,6 +1,6 @@
-"""Plain matching of two views: upright normalised patches, mutual, then sub-pixel.
+"""Matcher ``patches``: mutually nearest upright patches of two views, refined below a pixel.
 
-For pictures without rotation or large change of scale; ``affine`` is for the others.
+For views without rotation or large changes of scale; ``affine`` handles those.
 """
 
 from __future__ import annotations
@@ -12,24 +12,42 @@ import numpy as np
 from mssegment.imaging.matching.descriptors import describe
 from mssegment.imaging.matching.lucas_kanade import Windows, register
 from mssegment.imaging.matching.nearest import mutual
-from mssegment.imaging.matching.views import two_views
-from mssegment.imaging.pictures import Grey
+from mssegment.imaging.matching.pyramid_corners import two_views
+from mssegment.imaging.pictures import GreyPicture
 from mssegment.records import Corners, Tracks
 
-DRIFT = 2.0
+MAX_REFINEMENT = 2.0
+"""Pixels of the corner's level that refinement may move a corner; farther, it found another."""
 
 
 def match(
-    pictures: Sequence[Grey], corners: Sequence[Corners], *, correlation: float = 0.8
+    pictures: Sequence[GreyPicture], corners: Sequence[Corners], *, correlation: float = 0.8
 ) -> Tracks:
-    """Match corners whose normalised patches are each other's best, correlated by at least
-    ``correlation``; gain and offset of the light do not matter.
+    """Match corners whose normalised patches are each other's nearest.
 
-    Positions in view 2 are refined to a fraction of a pixel by Lucas-Kanade (translation) with
-    gain and offset projected out. Tracks [P, 2, 2] in pixels, best correlation first; raises
-    ``UsageError`` for other than two pictures.
+    Positions in view 2 are refined by Lucas-Kanade (translation only). Gain and offset between the
+    views are projected out.
+
+    Parameters
+    ----------
+    pictures : sequence of two float32 arrays [height, width]
+        Grey values 0 to 255.
+    corners : sequence of two Corners
+        The corners of each picture.
+    correlation : float
+        Least correlation of two patches, before and after refinement.
+
+    Returns
+    -------
+    Tracks
+        Matches [P, 2, 2] in pixels, best correlation first, with ``affines`` [P, 2, 2].
+
+    Raises
+    ------
+    ValueError
+        For other than two pictures.
     """
-    first, second = two_views("patches", pictures, corners)
+    first, second = two_views(pictures, corners)
     pairs = mutual(describe(first), describe(second), correlation)
     scale = first.scales[pairs.first] / second.scales[pairs.second]
     windows = Windows(
@@ -40,9 +58,9 @@ def match(
         levels_second=second.levels[pairs.second],
     )
     refined = register(first.pyramid, second.pyramid, windows, affine=False)
-    drift = np.linalg.norm(refined.second - windows.second, axis=1)
-    drift /= second.scales[pairs.second]
-    good = np.flatnonzero((refined.correlation >= correlation) & (drift <= DRIFT))
+    moved = np.linalg.norm(refined.second - windows.second, axis=1)
+    moved /= second.scales[pairs.second]
+    good = np.flatnonzero((refined.correlation >= correlation) & (moved <= MAX_REFINEMENT))
     good = good[np.argsort(-refined.correlation[good], kind="stable")]
     points = np.stack([windows.first[good], refined.second[good]], axis=1)
     return Tracks(points=points, affines=windows.affines[good])

@@ -1,10 +1,9 @@
-"""The report as one HTML file: no network, light and dark, printable, readable without JavaScript.
+"""The report as one HTML file: offline, light and dark, printable, readable without JavaScript.
 
-``render_page`` puts together what its neighbours make: ``sections`` the tables, ``charts`` the
-drawings, ``projection`` the 2-D view of the manifold, ``payload`` the numbers for the script.
-``template.html``, ``page.css`` and the scripts are what they are called. Everything that comes
-from a document or a file name is escaped, and a content security policy lets only our own script
-and style run.
+``sections`` writes the tables, ``charts`` the plots, ``projection`` the 2-D view of the manifold,
+``still`` the first frame without JavaScript, ``payload`` the numbers for the scripts, whose files
+lie beside this one. All text from documents and file names is escaped, and a content security
+policy allows only the style and the script of this page.
 """
 
 from __future__ import annotations
@@ -17,7 +16,7 @@ from string import Template
 
 from mssegment.rendering.page import payload, sections, still
 from mssegment.rendering.report import Report
-from mssegment.rendering.style import hexadecimal, mark
+from mssegment.rendering.style import hexadecimal, label_style
 from mssegment.rendering.tables import summary
 from mssegment.version import __version__
 
@@ -49,30 +48,30 @@ def render_page(report: Report) -> str:
         version=escape(__version__),
         data=payload.as_script(payload.numbers(report)),
     )
-    # a file name need not be text: what is none becomes a question mark
+    # bytes of a file name that are no text become question marks
     return page.encode("utf-8", "replace").decode("utf-8")
 
 
 def page_title(report: Report) -> str:
-    """What the browser's tab says."""
+    """The title: the summary, and the names of the first and the last frame."""
     names = [frame.path.rpartition("/")[2] for frame in report.frames]
     shown = ", ".join(dict.fromkeys([names[0], names[-1]])) if names else "no frames"
     return f"{summary(report)} · {shown}"
 
 
 def asset(name: str) -> str:
-    """The text of a file that lies beside this one."""
+    """The text of a file beside this one."""
     return resources.files(__package__).joinpath(name).read_text(encoding="utf-8")
 
 
 def page_script() -> str:
-    """The scripts as one, in the order in which they need each other."""
+    """The scripts as one, in the order of their dependencies."""
     parts = "\n".join(asset(name) for name in SCRIPTS)
     return f'"use strict";\n(() => {{\n{parts}\n}})();\n'
 
 
 def content_policy(style: str, script: str) -> str:
-    """A policy under which only exactly this style and this script work, and nothing is fetched."""
+    """A content security policy that allows this style and script only, and no requests."""
 
     def digest(text: str) -> str:
         return base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()
@@ -84,10 +83,10 @@ def content_policy(style: str, script: str) -> str:
 
 
 def label_rules(report: Report) -> str:
-    """Style rules per label: its colour, and how a switch hides it in every drawing."""
+    """Style rules of every label: its colour, and the class of the page that hides it in plots."""
     rules = []
     for label in payload.shown_labels(report):
         name = payload.label_class(label)
-        rules.append(f".{name}{{--c:{hexadecimal(mark(label).colour)}}}")
+        rules.append(f".{name}{{--c:{hexadecimal(label_style(label).colour)}}}")
         rules.append(f".hide-{name} svg .{name}{{visibility:hidden}}")
     return "\n".join(["", *rules, ""])

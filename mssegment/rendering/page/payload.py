@@ -1,4 +1,4 @@
-"""What the page's script gets: photographs as JPEG, and numbers as compact as they can be."""
+"""The data of the page's scripts: photographs as JPEG, and numbers in a compact form."""
 
 from __future__ import annotations
 
@@ -15,26 +15,28 @@ from mssegment.records import BACKGROUND, NOT_JUDGED, OUTLIER, Integers
 from mssegment.rendering.layout import typical_spacing
 from mssegment.rendering.report import Picture, Report
 from mssegment.rendering.scene import OUTLINES
-from mssegment.rendering.style import hexadecimal, mark, text_on
-from mssegment.rendering.thinning import carriers
+from mssegment.rendering.style import hexadecimal, label_style, text_on
+from mssegment.rendering.thinning import shown_displacements
 
-LONGEST_SIDE = 1600
-"""Photographs on the page are not larger than this."""
+MAX_PHOTOGRAPH_SIDE = 1600
+"""Pixels; larger photographs are reduced."""
 PHOTOGRAPH_BYTES = 4_200_000
-"""All photographs of a page together, before base64 makes a third more of them."""
-UNSEEN = -32768
-"""The coordinate of a track in a frame in which it is not seen."""
+"""Limit of all photographs of a page, before base64 adds a third."""
+NOT_VISIBLE = -32768
+"""Coordinate of a track in a frame in which it is not visible."""
 
 
 def photographs(report: Report) -> list[str]:
-    """Each frame as a ``data:`` address, all within ``PHOTOGRAPH_BYTES``; empty if not at hand."""
-    pictures = [_shrunk(report.pictures(i), LONGEST_SIDE) for i in range(len(report.frames))]
+    """The frames as ``data:`` URLs, within ``PHOTOGRAPH_BYTES``; empty if not available."""
+    pictures = [
+        _reduced(report.pictures(i), MAX_PHOTOGRAPH_SIDE) for i in range(len(report.frames))
+    ]
     encoded = [_jpeg(picture, 82) for picture in pictures]
     total = sum(map(len, encoded))
     while total > PHOTOGRAPH_BYTES:
-        # bytes go about with the area
+        # the size of a JPEG is roughly proportional to the area
         factor = max(0.5, 0.95 * (PHOTOGRAPH_BYTES / total) ** 0.5)
-        pictures = [None if p is None else _shrunk(p, max(p.shape[:2]) * factor) for p in pictures]
+        pictures = [None if p is None else _reduced(p, max(p.shape[:2]) * factor) for p in pictures]
         encoded = [_jpeg(picture, 75) for picture in pictures]
         total = sum(map(len, encoded))
     return [
@@ -43,7 +45,8 @@ def photographs(report: Report) -> list[str]:
     ]
 
 
-def _shrunk(picture: Picture | None, longest: float) -> Picture | None:
+def _reduced(picture: Picture | None, longest: float) -> Picture | None:
+    """The picture, reduced to ``longest`` pixels along its longer side if it is larger."""
     if picture is None:
         return None
     picture = np.ascontiguousarray(picture)
@@ -56,6 +59,7 @@ def _shrunk(picture: Picture | None, longest: float) -> Picture | None:
 
 
 def _jpeg(picture: Picture | None, quality: int) -> bytes:
+    """The content of a JPEG file, empty without a picture."""
     if picture is None:
         return b""
     options = [cv2.IMWRITE_JPEG_QUALITY, quality]
@@ -63,7 +67,7 @@ def _jpeg(picture: Picture | None, quality: int) -> bytes:
 
 
 def shown_labels(report: Report) -> list[int]:
-    """The labels of the page in the order of its switches: motions, outliers, then the rest."""
+    """The labels of the page in order: motions, outliers, and the others that occur."""
     labels = [motion.label for motion in report.motions] + [OUTLIER]
     return labels + [lab for lab in (BACKGROUND, NOT_JUDGED) if len(report.members(lab))]
 
@@ -75,8 +79,8 @@ def label_class(label: int) -> str:
     )
 
 
-def wrong_tracks(report: Report) -> npt.NDArray[np.bool_]:
-    """Which tracks count as misclassified [P]; none without true labels."""
+def misclassified(report: Report) -> npt.NDArray[np.bool_]:
+    """Which tracks are misclassified, [P]; none without true labels."""
     if report.truth is None or report.evaluation is None:
         return np.zeros(len(report.labels), dtype=bool)
     found = matched_labels(report)
@@ -84,7 +88,7 @@ def wrong_tracks(report: Report) -> npt.NDArray[np.bool_]:
 
 
 def matched_labels(report: Report) -> Integers:
-    """The found labels in the numbers of the truth; without partner 1 000 000 + the label."""
+    """Labels [P] in the numbering of the true ones; 1 000 000 + label without counterpart."""
     matching = {} if report.evaluation is None else report.evaluation.matching
     found = report.labels.copy()
     for label in np.unique(report.labels[report.labels > 0]):
@@ -94,7 +98,7 @@ def matched_labels(report: Report) -> Integers:
 
 
 def inlier_limit(report: Report, label: int) -> float | None:
-    """The largest residual (pixels) of a motion's inliers; None where nothing is known."""
+    """Largest residual in pixels of the inliers of a motion; None where there are no residuals."""
     index = residual_row(report, label)
     if index is None:
         return None
@@ -104,7 +108,7 @@ def inlier_limit(report: Report, label: int) -> float | None:
 
 
 def residual_row(report: Report, label: int) -> int | None:
-    """Which row of the residuals belongs to a motion; None where there are no residuals."""
+    """Row of a motion in the residuals; None where there are no residuals."""
     residuals = report.segmentation.residuals
     rows = [i for i, motion in enumerate(report.segmentation.motions) if motion.label == label]
     if not rows or residuals.ndim != 2 or rows[0] >= len(residuals):
@@ -113,14 +117,14 @@ def residual_row(report: Report, label: int) -> int | None:
 
 
 def numbers(report: Report) -> dict[str, Any]:
-    """The numbers for the script; arrays are base64 of little-endian bytes."""
+    """The numbers for the scripts; arrays are base64 of little-endian bytes."""
     points = report.tracks.points
     largest = max([1, *(max(frame.width, frame.height) for frame in report.frames)])
     finite = np.nan_to_num(points, nan=0.0)
-    # a wild outlier may lie outside of the picture: int16 must hold it, or its place is cut
+    # fixed-point numbers in 16 bits; outliers far outside the picture are clipped
     steps = max(1, min(16, 16000 // largest))
     coded = np.clip(np.round(finite * steps), -32000, 32000)
-    coded = np.where(np.isfinite(points), coded, UNSEEN)
+    coded = np.where(np.isfinite(points), coded, NOT_VISIBLE)
     rows = [residual_row(report, motion.label) for motion in report.motions]
     residuals = [
         np.full(len(points), np.nan) if row is None else report.segmentation.residuals[row]
@@ -132,23 +136,25 @@ def numbers(report: Report) -> dict[str, Any]:
             for frame in report.frames
         ],
         "tracks": len(points),
-        "steps": steps,
+        "stepsPerPixel": steps,
         "spacing": min(1e6, typical_spacing(report)),
         "points": _base64(coded, "<i2"),
         "labels": _base64(np.clip(report.labels, -32000, 32000), "<i2"),
         "truth": None if report.truth is None else _base64(report.truth, "<i2"),
-        "carriers": _base64(carriers(report, 0) if report.frames else np.zeros(0), "u1"),
-        "wrong": _base64(wrong_tracks(report), "u1"),
+        "displacements": _base64(
+            shown_displacements(report, 0) if report.frames else np.zeros(0), "u1"
+        ),
+        "misclassified": _base64(misclassified(report), "u1"),
         "residuals": _base64(np.array(residuals), "<f4"),
-        "looks": [
+        "styles": [
             {
                 "label": label,
                 "class": label_class(label),
-                "colour": hexadecimal(mark(label).colour),
-                "ink": hexadecimal(text_on(mark(label).colour)),
-                "shape": mark(label).shape,
-                "glyph": mark(label).glyph,
-                "name": mark(label).name,
+                "colour": hexadecimal(label_style(label).colour),
+                "ink": hexadecimal(text_on(label_style(label).colour)),
+                "shape": label_style(label).shape,
+                "glyph": label_style(label).glyph,
+                "name": label_style(label).name,
                 "limit": inlier_limit(report, label) if label > 0 else None,
             }
             for label in shown_labels(report)
@@ -156,16 +162,17 @@ def numbers(report: Report) -> dict[str, Any]:
         "outlines": {
             shape: np.round(outline, 3).tolist()
             for shape, outline in OUTLINES.items()
-            if shape in {mark(label).shape for label in shown_labels(report)}
+            if shape in {label_style(label).shape for label in shown_labels(report)}
         },
     }
 
 
 def _base64(array: npt.NDArray[Any], dtype: str) -> str:
+    """The array as ``dtype`` in base64."""
     return base64.b64encode(np.ascontiguousarray(array).astype(dtype).tobytes()).decode()
 
 
 def as_script(data: dict[str, Any]) -> str:
-    """JSON that cannot end the script element it stands in."""
+    """JSON that cannot end the script element that contains it."""
     text = json.dumps(data, separators=(",", ":"), allow_nan=False)
     return text.replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026")

@@ -1,10 +1,10 @@
-// The picture: one canvas per label over the photograph, the frames, and the switches.
-// one canvas per label: a switch hides or shows it, nothing is drawn again
-const layers = [...data.looks].reverse().map((look) => ({ look, ...makeCanvas() }));
+// The picture: canvases over the photograph, the frames, and the display options.
+// one canvas per label, so that hiding and showing a label needs no drawing
+const layers = [...data.styles].reverse().map((style) => ({ style, ...makeCanvas() }));
 const numbers = makeCanvas();
-const rings = makeCanvas();
-const choice = makeCanvas();
-rings.canvas.hidden = true;
+const errors = makeCanvas();
+const selection = makeCanvas();
+errors.canvas.hidden = true;
 
 function makeCanvas() {
   const canvas = document.createElement("canvas");
@@ -21,7 +21,7 @@ function fit() {
   unit = Math.min(2, window.devicePixelRatio || 1);
   const width = Math.max(1, Math.round(box.width * unit));
   const height = Math.max(1, Math.round((box.width * unit * size.height) / size.width));
-  for (const { canvas } of [...layers, numbers, rings, choice]) {
+  for (const { canvas } of [...layers, numbers, errors, selection]) {
     if (canvas.width !== width || canvas.height !== height) {
       canvas.width = width;
       canvas.height = height;
@@ -40,46 +40,46 @@ function trace(context, shape, x, y, radius) {
   context.closePath();
 }
 
-// markers shrink where they would cover each other
-function radiusOf(look) {
+// markers shrink where they would overlap
+function radiusOf(style) {
   const most = 4.2 * Math.min(1.25, Math.max(0.7, stage.clientWidth / 900)) * unit;
   const radius = Math.min(most, Math.max(0.57 * most, 0.5 * data.spacing * scale));
-  return look.label > 0 ? radius : 0.62 * radius;
+  return style.label > 0 ? radius : 0.62 * radius;
 }
 
-function drawWays(context, look, list) {
-  context.strokeStyle = look.colour;
-  context.globalAlpha = look.label > 0 ? 0.6 : 0.35;
-  context.lineWidth = (look.label > 0 ? 1.5 : 0.9) * unit;
+function drawDisplacements(context, style, list) {
+  context.strokeStyle = style.colour;
+  context.globalAlpha = style.label > 0 ? 0.6 : 0.35;
+  context.lineWidth = (style.label > 0 ? 1.5 : 0.9) * unit;
   const arrows = [];
   context.beginPath();
   for (const track of list) {
     const [first, last] = firstAndLast[track];
-    if (first < 0 || !seen(track, state.frame)) continue;
-    if (!carriers[track] && last - first <= RECENT) continue;
-    const long = last - first > RECENT;
-    const from = long ? Math.max(first, state.frame - RECENT) : first;
+    if (first < 0 || !isVisible(track, state.frame)) continue;
+    if (!showsDisplacement[track] && last - first <= TRAIL_FRAMES) continue;
+    const long = last - first > TRAIL_FRAMES;
+    const from = long ? Math.max(first, state.frame - TRAIL_FRAMES) : first;
     const to = long ? state.frame : last;
     let pen = false;
     for (let f = from; f <= to; f++) {
-      if (!seen(track, f)) continue;
-      const [x, y] = place(track, f);
+      if (!isVisible(track, f)) continue;
+      const [x, y] = position(track, f);
       if (pen) context.lineTo(x * scale, y * scale);
       else context.moveTo(x * scale, y * scale);
       pen = true;
     }
-    if (!long) arrows.push([place(track, from), place(track, to)]);
+    if (!long) arrows.push([position(track, from), position(track, to)]);
   }
   context.stroke();
   context.beginPath();
-  arrows.forEach(([start, end]) => traceHead(context, start, end, 4 * context.lineWidth));
-  context.fillStyle = look.colour;
+  arrows.forEach(([start, end]) => traceArrowhead(context, start, end, 4 * context.lineWidth));
+  context.fillStyle = style.colour;
   context.fill();
   context.globalAlpha = 1;
 }
 
-// an arrow head where a way ends, if the way is long enough to carry one
-function traceHead(context, start, end, size) {
+// an arrowhead where a displacement ends, if it is long enough for one
+function traceArrowhead(context, start, end, size) {
   const dx = (end[0] - start[0]) * scale, dy = (end[1] - start[1]) * scale;
   const length = Math.hypot(dx, dy);
   if (length < 2.2 * size) return;
@@ -92,46 +92,46 @@ function traceHead(context, start, end, size) {
 }
 
 function drawLayer(layer) {
-  const { look, canvas, context } = layer;
-  layer.stale = canvas.hidden; // to be drawn when it is shown again
+  const { style, canvas, context } = layer;
+  layer.stale = canvas.hidden; // drawn when it is shown again
   if (layer.stale) return;
   context.clearRect(0, 0, canvas.width, canvas.height);
-  const list = members.get(look.label);
-  if ($("show-ways").checked) drawWays(context, look, list);
+  const list = members.get(style.label);
+  if ($("show-displacements").checked) drawDisplacements(context, style, list);
   if (!$("show-points").checked) return;
   context.beginPath();
-  const radius = radiusOf(look);
+  const radius = radiusOf(style);
   for (const track of list) {
-    if (!seen(track, state.frame)) continue;
-    const [x, y] = place(track, state.frame);
-    trace(context, look.shape, x * scale, y * scale, radius);
+    if (!isVisible(track, state.frame)) continue;
+    const [x, y] = position(track, state.frame);
+    trace(context, style.shape, x * scale, y * scale, radius);
   }
-  if (look.label > 0) {
+  if (style.label > 0) {
     context.lineWidth = 0.5 * radius;
     context.strokeStyle = "#fff";
     context.stroke();
   }
-  context.fillStyle = look.colour;
+  context.fillStyle = style.colour;
   context.fill();
 }
 
-// the numbers lie over all markers, in a layer of their own
+// the numbers of the motions have a layer of their own, over all markers
 function drawNumbers() {
   const { canvas, context } = numbers;
   context.clearRect(0, 0, canvas.width, canvas.height);
   if (!$("show-points").checked) return;
-  for (const { look, canvas: layer } of layers) {
-    if (look.label > 0 && !layer.hidden) drawNumber(context, look);
+  for (const { style, canvas: layer } of layers) {
+    if (style.label > 0 && !layer.hidden) drawNumber(context, style);
   }
 }
 
-// the number of a motion lies on its object: at the inlier nearest to the median of all
+// the number of a motion lies on its object: at the inlier nearest to the median
 const numberPlaces = new Map();
 function numberPlace(label) {
   const key = `${label}/${state.frame}`;
   if (!numberPlaces.has(key)) {
-    const tracks = members.get(label).filter((track) => seen(track, state.frame));
-    const here = tracks.map((track) => place(track, state.frame));
+    const tracks = members.get(label).filter((track) => isVisible(track, state.frame));
+    const here = tracks.map((track) => position(track, state.frame));
     const middle = [0, 1].map((axis) => {
       const sorted = here.map((p) => p[axis]).sort((a, b) => a - b);
       return sorted[sorted.length >> 1];
@@ -143,34 +143,34 @@ function numberPlace(label) {
   return numberPlaces.get(key);
 }
 
-function drawNumber(context, look) {
-  const found = numberPlace(look.label);
+function drawNumber(context, style) {
+  const found = numberPlace(style.label);
   if (found === null) return;
   const [x, y] = found;
   const radius = 11 * unit;
   context.beginPath();
   context.arc(x * scale, y * scale, radius, 0, 2 * Math.PI);
-  context.fillStyle = look.colour;
+  context.fillStyle = style.colour;
   context.fill();
   context.lineWidth = 2 * unit;
   context.strokeStyle = "#fff";
   context.stroke();
-  context.fillStyle = look.ink;
-  context.font = `700 ${radius * (look.label > 9 ? 1.1 : 1.35)}px system-ui, sans-serif`;
+  context.fillStyle = style.ink;
+  context.font = `700 ${radius * (style.label > 9 ? 1.1 : 1.35)}px system-ui, sans-serif`;
   context.textAlign = "center";
   context.textBaseline = "middle";
-  context.fillText(String(look.label), x * scale, y * scale + 0.05 * radius);
+  context.fillText(String(style.label), x * scale, y * scale + 0.05 * radius);
 }
 
-function drawRings() {
-  const { canvas, context } = rings;
+function drawErrors() {
+  const { canvas, context } = errors;
   context.clearRect(0, 0, canvas.width, canvas.height);
   if (canvas.hidden) return;
   for (const [width, colour] of [[4.5, "#fff"], [2, "#d50000"]]) {
     context.beginPath();
     for (let track = 0; track < tracks; track++) {
-      if (!wrong[track] || !seen(track, state.frame)) continue;
-      const [x, y] = place(track, state.frame);
+      if (!misclassified[track] || !isVisible(track, state.frame)) continue;
+      const [x, y] = position(track, state.frame);
       context.moveTo(x * scale + 8 * unit, y * scale);
       context.arc(x * scale, y * scale, 8 * unit, 0, 2 * Math.PI);
     }
@@ -180,10 +180,10 @@ function drawRings() {
   }
 }
 
-function drawChoice() {
-  const { canvas, context } = choice;
+function drawSelection() {
+  const { canvas, context } = selection;
   context.clearRect(0, 0, canvas.width, canvas.height);
-  const track = state.chosen;
+  const track = state.selected;
   if (track < 0) return;
   for (const [width, colour] of [[5, "#fff"], [2.5, "#111"]]) {
     context.lineWidth = width * unit;
@@ -191,15 +191,15 @@ function drawChoice() {
     context.beginPath();
     let pen = false;
     for (let f = 0; f < frames; f++) {
-      if (!seen(track, f)) continue;
-      const [x, y] = place(track, f);
+      if (!isVisible(track, f)) continue;
+      const [x, y] = position(track, f);
       if (pen) context.lineTo(x * scale, y * scale);
       else context.moveTo(x * scale, y * scale);
       pen = true;
     }
     context.stroke();
-    if (!seen(track, state.frame)) continue;
-    const [x, y] = place(track, state.frame);
+    if (!isVisible(track, state.frame)) continue;
+    const [x, y] = position(track, state.frame);
     context.beginPath();
     context.arc(x * scale, y * scale, 11 * unit, 0, 2 * Math.PI);
     context.stroke();
@@ -209,8 +209,8 @@ function drawChoice() {
 function draw() {
   layers.forEach(drawLayer);
   drawNumbers();
-  drawRings();
-  drawChoice();
+  drawErrors();
+  drawSelection();
 }
 
 function showFrame(index) {
@@ -223,18 +223,18 @@ function showFrame(index) {
   draw();
 }
 
-function flick(on) {
-  clearInterval(state.flicking);
-  state.flicking = on ? setInterval(() => showFrame(state.frame + 1), frames > 3 ? 200 : 650) : null;
-  $("flick").setAttribute("aria-pressed", String(on));
+function blink(on) {
+  clearInterval(state.blinking);
+  state.blinking = on ? setInterval(() => showFrame(state.frame + 1), frames > 3 ? 200 : 650) : null;
+  $("blink").setAttribute("aria-pressed", String(on));
 }
 
 function toggle(label, on) {
-  const layer = layers.find((one) => one.look.label === label);
+  const layer = layers.find((one) => one.style.label === label);
   layer.canvas.hidden = !on;
   if (on && layer.stale) drawLayer(layer);
   drawNumbers();
-  document.body.classList.toggle(`hide-${layer.look.class}`, !on);
+  document.body.classList.toggle(`hide-${layer.style.class}`, !on);
 }
 $("labels").addEventListener("change", (event) => {
   toggle(Number(event.target.dataset.label), event.target.checked);
@@ -247,20 +247,20 @@ for (const [button, on] of [["show-all", true], ["show-none", false]]) {
   });
 }
 $("show-points").addEventListener("change", draw);
-$("show-ways").addEventListener("change", draw);
+$("show-displacements").addEventListener("change", draw);
 $("show-photo").addEventListener("change", (event) => {
   stage.classList.toggle("no-photo", !event.target.checked);
 });
-const mistakes = wrong.reduce((sum, one) => sum + one, 0);
+const errorCount = misclassified.reduce((sum, one) => sum + one, 0);
 if (truth !== null) {
-  $("wrong-toggle").hidden = false;
-  $("wrong-count").textContent = String(mistakes);
-  $("show-wrong").addEventListener("change", (event) => {
-    rings.canvas.hidden = !event.target.checked;
-    drawRings();
+  $("errors-toggle").hidden = false;
+  $("error-count").textContent = String(errorCount);
+  $("show-errors").addEventListener("change", (event) => {
+    errors.canvas.hidden = !event.target.checked;
+    drawErrors();
   });
 }
-const visible = (track) => {
-  const layer = layers.find((one) => one.look.label === labels[track]);
-  return layer !== undefined && !layer.canvas.hidden && seen(track, state.frame);
+const isShown = (track) => {
+  const layer = layers.find((one) => one.style.label === labels[track]);
+  return layer !== undefined && !layer.canvas.hidden && isVisible(track, state.frame);
 };

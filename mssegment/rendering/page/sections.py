@@ -1,4 +1,4 @@
-"""The sections of the page below the pictures: tables first, drawings beside them."""
+"""The sections of the page below the pictures: tables and plots."""
 
 from __future__ import annotations
 
@@ -12,42 +12,45 @@ import numpy as np
 from mssegment.rendering.page.charts import manifold_svg, residual_svg
 from mssegment.rendering.page.payload import (
     label_class,
+    misclassified,
     residual_row,
     shown_labels,
-    wrong_tracks,
 )
 from mssegment.rendering.page.projection import Projection, project
 from mssegment.rendering.report import Report
-from mssegment.rendering.style import mark
+from mssegment.rendering.style import label_style
 from mssegment.rendering.tables import density, fixed, number
 
-MOST_MODES = 12
-MOST_SETS = 3
-ROWS = 25
-"""Rows of the table of tracks on one of its pages."""
+MAX_MODES = 12
+"""Modes that are listed, besides those of motions."""
+MAX_SETS = 3
+"""Hypothesis sets whose manifold is plotted."""
+MAX_RESIDUAL_PLOTS = 12
+ROWS_PER_PAGE = 25
+"""Rows of the table of tracks; the script has the same number."""
 
 
 def toggles_html(report: Report) -> str:
-    """A switch per label."""
+    """A check box for every label."""
     parts = []
     for label in shown_labels(report):
-        look, name = mark(label), label_class(label)
+        marker, name = label_style(label), label_class(label)
         parts.append(
             f'<label class="toggle {name}"><input type="checkbox" data-label="{label}" checked> '
-            f'<span class="key" aria-hidden="true">{look.glyph}</span> {escape(look.name)} '
+            f'<span class="key" aria-hidden="true">{marker.glyph}</span> {escape(marker.name)} '
             f'<span class="count">{len(report.members(label))}</span></label>'
         )
     return "\n".join(parts)
 
 
 def motions_html(report: Report) -> str:
-    """One row per motion: what it is made of and how well it fits."""
+    """The table of motions: size, density and fit of each."""
     if not report.motions:
         return "<p>No motion was found.</p>"
-    header = ["motion", "model", "inliers", "hypotheses", "kernel density", "rms, px"]
-    header += ["largest residual, px"]
+    header = ["motion", "model", "inliers", "hypotheses", "kernel density", "RMS residual (px)"]
+    header += ["largest residual (px)"]
     saves = any(motion.cost_saved is not None for motion in report.motions)
-    header += ["description saved, nats"] if saves else []
+    header += ["description length saved (nats)"] if saves else []
     header += ["true motion"] if report.evaluation else []
     rows = []
     for motion in report.motions:
@@ -68,18 +71,18 @@ def motions_html(report: Report) -> str:
         if report.evaluation:
             true = report.true_motion(motion.label)
             cells.append("none" if true is None else str(true))
-        rows.append(_row(_label_head(motion.label), cells))
-    return _table("What was found", header, rows)
+        rows.append(_row(_motion_key(motion.label), cells))
+    return _table("Motions", header, rows)
 
 
 def modes_html(report: Report) -> str:
-    """The modes by kernel density, and what made some of them motions."""
+    """The table of modes by kernel density, and how the motions were selected among them."""
     modes = report.segmentation.modes
     if not modes:
         return "<p>No mode was found.</p>"
     highest = max([mode.kde for mode in modes if np.isfinite(mode.kde)], default=1.0) or 1.0
     rows = []
-    shown = [i for i, mode in enumerate(modes) if i < MOST_MODES or mode.motion > 0]
+    shown = [i for i, mode in enumerate(modes) if i < MAX_MODES or mode.motion > 0]
     for i in shown:
         mode = modes[i]
         share = 100 * mode.kde / highest if np.isfinite(mode.kde) else 0.0
@@ -89,89 +92,97 @@ def modes_html(report: Report) -> str:
             f"</svg>"
         )
         cells = [str(mode.hypotheses), density(mode.kde), bar]
-        cells.append(_motion_word(mode.motion))
+        cells.append(_label_cell(mode.motion))
         cells += [str(mode.set_index + 1)] if len(report.sets) > 1 else []
         rows.append(_row(f"M{i + 1}", cells))
-    header = ["mode", "hypotheses", "kernel density", "", "became"]
+    header = ["mode", "hypotheses", "kernel density", "", "motion"]
     header += ["set"] if len(report.sets) > 1 else []
     more = len(modes) - len(shown)
-    note = f"<p class='hint'>Not shown: {more} weaker.</p>" if more > 0 else ""
-    return f"<p>{escape(_decision(report))}</p>" + _table("Modes", header, rows) + note
+    note = f"<p class='hint'>{_count(more, 'weaker mode')} not shown.</p>" if more > 0 else ""
+    return f"<p>{escape(_selection_text(report))}</p>" + _table("Modes", header, rows) + note
 
 
-def _decision(report: Report) -> str:
-    """What stands between the modes that became motions and the others, in words."""
+def _selection_text(report: Report) -> str:
+    """What separates the modes that became motions from the others."""
     modes = report.segmentation.modes
     kept = [(mode.kde, f"M{i + 1}") for i, mode in enumerate(modes) if mode.motion > 0]
     rest = [(mode.kde, f"M{i + 1}") for i, mode in enumerate(modes) if mode.motion <= 0]
     if not kept:
         return "No mode became a motion."
     weakest = min(kept)
-    text = f"{len(kept)} of {len(modes)} modes grew into motions."
+    text = f"{len(kept)} of {_count(len(modes), 'mode')} became motions."
     if rest:
         strongest = max(rest)
         ratio = weakest[0] / strongest[0] if strongest[0] > 0 else float("inf")
         text += (
-            f" The weakest of these, {weakest[1]}, has {number(ratio, 3)} times the kernel density "
-            f"of {strongest[1]}, the strongest that did not."
+            f" The weakest of them, {weakest[1]}, has {number(ratio, 3)} times the kernel density "
+            f"of {strongest[1]}, the strongest other mode."
         )
     saved = [m.cost_saved for m in report.motions if m.cost_saved is not None]
     if saved:
         text += (
-            f" What decided is the description length: each motion shortens it, the least useful "
-            f"one by {fixed(min(saved), 1)} nats after its price."
+            " Motions were selected by description length: each shortens the description of the "
+            f"tracks by at least {fixed(min(saved), 1)} nats, net of its own cost."
         )
     return text
 
 
 def manifolds_html(report: Report) -> str:
-    """The view of each hypothesis set, at most ``MOST_SETS`` of them, strongest mode first."""
+    """Plots of at most ``MAX_SETS`` hypothesis sets, that of the strongest mode first."""
     order = list(dict.fromkeys(mode.set_index for mode in report.segmentation.modes))
-    views = [(i, project(report, i)) for i in order[:MOST_SETS] if i < len(report.sets)]
+    views = [(i, project(report, i)) for i in order[:MAX_SETS] if i < len(report.sets)]
     figures = [
         f"<figure>{manifold_svg(report, view)}"
-        f"<figcaption>{escape(_explain(report, i, view))}</figcaption></figure>"
+        f"<figcaption>{escape(_manifold_caption(report, i, view))}</figcaption></figure>"
         for i, view in views
         if view is not None
     ]
-    more = len(order) - MOST_SETS
-    note = f"<p class='hint'>Not drawn: {more} more sets of hypotheses.</p>" if more > 0 else ""
-    return "".join(figures) + note if figures else "<p>There are no hypotheses to draw.</p>"
+    more = len(order) - MAX_SETS
+    note = f"<p class='hint'>{_count(more, 'more set')} of hypotheses not shown.</p>"
+    if not figures:
+        return "<p>There are no hypotheses to plot.</p>"
+    return "".join(figures) + (note if more > 0 else "")
 
 
-def _explain(report: Report, index: int, view: Projection) -> str:
-    count = len(report.sets[index].points)
-    text = f"{report.sets[index].model} on {view.manifold}: "
-    text += (
-        f"{len(view.points)} of {count} hypotheses"
-        if len(view.points) < count
-        else (f"{count} hypotheses")
-    )
+def _manifold_caption(report: Report, index: int, view: Projection) -> str:
+    """What the plot of a manifold shows."""
+    count, plotted = len(report.sets[index].points), len(view.points)
+    hypotheses = _count(count, "hypothesis", "hypotheses")
+    text = f"{report.sets[index].model}, {view.manifold}: "
+    text += hypotheses if plotted == count else f"{plotted} of {hypotheses}"
     if view.hemisphere:
-        text += ". A translation is a line through the camera's centre; its point on the half "
-        text += "sphere is drawn so that equal areas stay equal (Lambert). "
+        text += (
+            " (directions of translation) on the hemisphere, in Lambert's equal-area projection. "
+        )
     else:
-        text += f", seen from the tangent space at M{view.mode_indices[0] + 1}, along the two "
-        text += f"directions of widest spread ({100 * (view.shown or 0):.0f} % of it)"
-        text += f"; {view.hidden} lie outside. " if view.hidden else ". "
+        text += (
+            f" in the tangent space at M{view.mode_indices[0] + 1}, along the two directions of "
+        )
+        text += f"largest spread ({100 * (view.shown or 0):.0f} % of it)"
+        text += f"; {view.hidden} outside the plot. " if view.hidden else ". "
     if view.paths:
-        text += f"The lines are the paths of {len(view.paths)} of them under mean shift."
+        text += (
+            f"Lines: {_count(len(view.paths), 'mean shift trajectory', 'mean shift trajectories')}."
+        )
     return text
 
 
 def residuals_html(report: Report) -> str:
-    """The distribution of the residuals to each motion."""
-    figures = [residual_svg(report, motion.label) for motion in report.motions[:12]]
+    """Plots of the distributions of the residuals to the motions."""
+    figures = [residual_svg(report, motion.label) for motion in report.motions[:MAX_RESIDUAL_PLOTS]]
     if not any(figures):
-        return "<p>There are no residuals to draw.</p>"
+        return "<p>There are no residuals to plot.</p>"
     return f'<div class="small-multiples">{"".join(figures)}</div>'
 
 
 def confusion_html(report: Report) -> str:
-    """True motions against found ones, with the residual errors of the paper."""
+    """The confusion matrix, with the residual errors (23) and (24) of the paper."""
     evaluation = report.evaluation
     if evaluation is None or report.res is None or report.res_hat is None:
-        return "<p>There are no true labels to compare with.</p>"
+        return (
+            "<p>There are no true labels; <code>mssegment report --labels</code> compares with "
+            "manual ones.</p>"
+        )
     order = {motion.label: i for i, motion in enumerate(report.motions)}
     back = {true: found for found, true in evaluation.matching.items()}
     rows = []
@@ -195,24 +206,25 @@ def confusion_html(report: Report) -> str:
     header = ["", *(f"found {f}" for f in evaluation.found_motions)]
     header += ["outlier", "res (23)", "res-hat (24)"]
     share = 100 * evaluation.misclassification
-    text = f"{share:.2f} % of the {evaluation.counted} tracks that count are misclassified."
+    text = f"{share:.2f} % of {evaluation.counted} evaluated tracks are misclassified."
     return f"<p>{text}</p>" + _table("Confusion matrix", header, rows)
 
 
 def tracks_html(report: Report) -> str:
-    """The first page of the table of tracks; the script turns the pages."""
-    wrong = wrong_tracks(report)
+    """The first page of the table of tracks; the script shows the others."""
+    wrong = misclassified(report)
     truth = report.truth
-    header = ["track", "found", "true", "residual, px", "second best, px", "displacement, px"]
+    header = ["track", "found", "true", "residual (px)", "next best residual (px)"]
+    header += ["displacement (px)"]
     rows = []
-    for i in range(min(ROWS, len(report.labels))):
+    for i in range(min(ROWS_PER_PAGE, len(report.labels))):
         own, other = _best_residuals(report, i)
-        way = report.tracks.points[i]
-        way = way[np.isfinite(way).all(axis=1)]
-        moved = float(np.hypot(*(way[-1] - way[0]))) if len(way) > 1 else None
+        track = report.tracks.points[i]
+        track = track[np.isfinite(track).all(axis=1)]
+        moved = float(np.hypot(*(track[-1] - track[0]))) if len(track) > 1 else None
         cells = [
-            _motion_word(int(report.labels[i])),
-            "" if truth is None else str(truth[i]) + (" wrong" if wrong[i] else ""),
+            _label_cell(int(report.labels[i])),
+            "" if truth is None else str(truth[i]) + (" (error)" if wrong[i] else ""),
             fixed(own, 2),
             fixed(other, 2),
             fixed(moved, 1),
@@ -222,7 +234,7 @@ def tracks_html(report: Report) -> str:
 
 
 def _best_residuals(report: Report, track: int) -> tuple[float | None, float | None]:
-    """Residual to the own motion (or the best, for an outlier), and the least of the others."""
+    """Residual to the motion of a track (or the best one), and the least of the others."""
     residuals = report.segmentation.residuals
     if residuals.ndim != 2 or not len(residuals):
         return None, None
@@ -237,7 +249,7 @@ def _best_residuals(report: Report, track: int) -> tuple[float | None, float | N
 
 
 def provenance_html(report: Report) -> str:
-    """What was run: the frames, each stage with its settings, the configuration."""
+    """How the result was made: frames, stages with their settings, configuration."""
     frames = [
         _row(str(i + 1), [escape(f.path), f"{f.width} × {f.height}", _hash(f.sha256)])
         for i, f in enumerate(report.frames)
@@ -261,6 +273,7 @@ def provenance_html(report: Report) -> str:
 
 
 def _settings(entry: Mapping[str, Any]) -> str:
+    """The settings of a stage, and whatever else its entry has."""
     settings = entry.get("settings", {})
     items = settings.items() if isinstance(settings, Mapping) else [("settings", settings)]
     known = {"stage", "version", "settings", "notes"}
@@ -272,29 +285,41 @@ def _settings(entry: Mapping[str, Any]) -> str:
 
 
 def _hash(text: str) -> str:
+    """The beginning of a digest, with all of it as a tooltip."""
     return f'<code title="{escape(text)}">{escape(text[:12])}</code>' if text else "-"
 
 
-def _motion_word(label: int) -> str:
-    look = mark(label)
+def _label_cell(label: int) -> str:
+    """A label in a table: marker and number or name, a dash for outliers."""
     if label == 0:
         return "-"
-    key = f'<span class="key {label_class(label)}" aria-hidden="true">{look.glyph}</span>'
-    return f"{key} {label if label > 0 else escape(look.name)}"
+    return _key(label) + (str(label) if label > 0 else escape(label_style(label).name))
 
 
-def _label_head(label: int) -> str:
-    look = mark(label)
-    key = f'<span class="key {label_class(label)}" aria-hidden="true">{look.glyph}</span>'
-    return f"{key} {label}"
+def _motion_key(label: int) -> str:
+    """Marker and number of a motion."""
+    return f"{_key(label)}{label}"
+
+
+def _key(label: int) -> str:
+    """The marker of a label, with a space after it."""
+    glyph = label_style(label).glyph
+    return f'<span class="key {label_class(label)}" aria-hidden="true">{glyph}</span> '
+
+
+def _count(number: int, noun: str, plural: str = "") -> str:
+    """A number with its noun in singular or plural."""
+    return f"{number} {noun if number == 1 else plural or noun + 's'}"
 
 
 def _row(head: str, cells: list[str]) -> str:
+    """A row of a table; head and cells are HTML."""
     body = "".join(f"<td>{cell}</td>" for cell in cells)
     return f'<tr><th scope="row">{head}</th>{body}</tr>'
 
 
 def _table(caption: str, header: list[str], rows: list[str], identifier: str = "") -> str:
+    """A table that scrolls sideways where it is too wide."""
     heads = "".join(
         f'<th scope="col">{escape(text)}</th>' if text else "<td></td>" for text in header
     )
