@@ -16,7 +16,6 @@ from pathlib import Path
 
 import numpy as np
 
-from mssegment.benchmarking.catalogue import BENCHMARKS
 from mssegment.benchmarking.disturbance import uniform_mismatches
 from mssegment.configuration import Setting, resolve
 from mssegment.datasets.adelaidermf import ADELAIDERMF
@@ -111,7 +110,8 @@ def _run(pair: ImportedTracks, model: str, disturb: Disturbance, seed: int) -> t
     assert pair.tracks.labels is not None
     rng = np.random.default_rng([seed, len(pair.tracks.points)])
     points, labels = disturb(pair.tracks.points, pair.tracks.labels, rng)
-    known = BENCHMARKS["adelaidermf"]
+    known = ADELAIDERMF.benchmark
+    assert known is not None
     values = {**known.settings, **known.by_group[pair.group], "hypothesize.model": model}
     configuration = resolve([Setting(k, v, "robustness") for k, v in values.items()])
     document = TracksDocument(frames=list(pair.frames), camera=None, tracks=Tracks(points))

@@ -125,14 +125,13 @@ def help_text(repeats: int = 9) -> Row:
 
 def sequences() -> Row:
     """Hopkins155 against one spectral clustering of the same tracks, number of motions unknown."""
-    from mssegment.benchmarking import BENCHMARKS
     from mssegment.datasets import DATASETS
 
     name = "Hopkins155: a sequence / one RSIM-like spectral clustering"
     folder = data_folder()
     if folder is None or not (folder / "hopkins155").is_dir():
         return Row(name, None, SEQUENCE_GOAL, note="$MSSEGMENT_DATA has no hopkins155")
-    configured = BENCHMARKS["hopkins155"].settings
+    configured = DATASETS["hopkins155"].benchmark.settings
     configuration = resolve([Setting(k, v, "benchmark") for k, v in configured.items()])
     spent = []
     for path in DATASETS["hopkins155"].files(folder / "hopkins155"):

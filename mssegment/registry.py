@@ -1,4 +1,4 @@
-"""The names of all motion models: a model is one file in ``models/`` and one line here.
+"""The names of motion models and readers: each is one file in its package and one line here.
 
 Nothing is imported before a name is looked up, so that option choices and help texts, which are
 made from the names, cost no start-up time.
@@ -60,3 +60,14 @@ EVIDENCE: Registry[Any] = Registry(
     },
 )
 """Further models whose hypotheses group the tracks of long sequences."""
+
+DATASETS: Registry[Any] = Registry(
+    "data set",
+    {
+        "hopkins155": "mssegment.datasets.hopkins155:HOPKINS155",
+        "adelaidermf": "mssegment.datasets.adelaidermf:ADELAIDERMF",
+        "kt3dmoseg": "mssegment.datasets.kt3dmoseg:KT3DMOSEG",
+        "csv": "mssegment.datasets.csv_tracks:CSV_TRACKS",
+    },
+)
+"""The formats of tracks that ``import`` and ``run`` read, in the order in which they are tried."""

@@ -18,21 +18,18 @@ from typing import Literal
 
 import numpy as np
 
-from mssegment.benchmarking.catalogue import BENCHMARKS, Benchmark, Published
 from mssegment.benchmarking.disturbance import resampled, shuffled_in_time, uniform_mismatches
 from mssegment.configuration import Configuration, Setting, resolve
 from mssegment.datasets import DATASETS, ImportedTracks
+from mssegment.datasets.base import Benchmark, DataSet
 from mssegment.errors import UsageError
 from mssegment.evaluation import misclassification
 from mssegment.records import Floats, Integers, Record, Tracks, replace
 
 __all__ = [
-    "BENCHMARKS",
-    "Benchmark",
     "Case",
     "GroupSummary",
     "Options",
-    "Published",
     "SequenceResult",
     "number_of_results",
     "resampled",
@@ -139,7 +136,7 @@ def run_benchmark(
     Parameters
     ----------
     dataset : str
-        A key of ``BENCHMARKS``.
+        A name in ``DATASETS`` with a benchmark.
     folder : Path or str
         The folder with the files of the data set as published.
     motions : {"auto", "given"}
@@ -174,8 +171,9 @@ def run_benchmark(
     DataError
         If the folder has no files of the data set, or a file is damaged.
     """
-    if dataset not in BENCHMARKS:
-        raise UsageError(f"unknown benchmark {dataset!r}; expected one of {', '.join(BENCHMARKS)}")
+    known = [name for name, entry in DATASETS.items() if entry.benchmark]
+    if dataset not in known:
+        raise UsageError(f"unknown benchmark {dataset!r}; expected one of {', '.join(known)}")
     if seeds < 1 or jobs < 1 or min_motions < 0 or not 0 <= outliers <= 10:
         raise UsageError(
             f"found seeds {seeds}, jobs {jobs}, min_motions {min_motions}, outliers {outliers:g}; "
@@ -385,7 +383,8 @@ def _load(dataset: str, case: Case) -> ImportedTracks:
 
 @lru_cache(maxsize=200)
 def _read(dataset: str, path: Path) -> ImportedTracks:
-    return DATASETS[dataset].read(path)
+    entry: DataSet = DATASETS[dataset]
+    return entry.read(path)
 
 
 def _scene(path: Path) -> str:
@@ -396,14 +395,14 @@ def _configuration(
     entry: ImportedTracks, options: Options, true_motions: int, seed: int
 ) -> Configuration:
     """The settings of the benchmark, overridden by those of the group, then by the user's."""
-    benchmark = BENCHMARKS[options.benchmark]
+    benchmark: Benchmark = DATASETS[options.benchmark].benchmark
     values: dict[str, object] = {"seed": seed, **benchmark.settings}
     values |= benchmark.by_group.get(entry.group, {})
     if options.min_motions:
         values["segment.min_motions"] = options.min_motions
     if options.motions == "given":
         values["segment.motions"] = true_motions
-    own = [Setting(key, value, f"benchmark {benchmark.dataset}") for key, value in values.items()]
+    own = [Setting(key, value, f"benchmark {options.benchmark}") for key, value in values.items()]
     return resolve([*own, *options.settings])
 
 

@@ -10,11 +10,12 @@ import click
 from mssegment.cli import COMMANDS
 from mssegment.cli.common import Console, console_options, put
 from mssegment.configuration import from_environment, from_text
+from mssegment.registry import DATASETS
 
 if TYPE_CHECKING:
     from mssegment.benchmarking import SequenceResult
 
-DATA_SETS = ("adelaidermf", "hopkins155", "kt3dmoseg")
+DATA_SETS = sorted(name for name, entry in DATASETS.items() if entry.benchmark)
 
 
 @click.command(

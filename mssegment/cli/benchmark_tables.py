@@ -7,7 +7,8 @@ from collections.abc import Sequence
 
 from msgspec.structs import asdict
 
-from mssegment.benchmarking import BENCHMARKS, SequenceResult, summarise
+from mssegment.benchmarking import SequenceResult, summarise
+from mssegment.registry import DATASETS
 from mssegment.rendering.tables import Table, format_table
 
 
@@ -65,6 +66,6 @@ def _groups(results: Sequence[SequenceResult]) -> Table:
 def _published(dataset: str) -> Table:
     rows = tuple(
         (entry.method, entry.group, f"{entry.mean} %", entry.source)
-        for entry in BENCHMARKS[dataset].published
+        for entry in DATASETS[dataset].benchmark.published
     )
     return Table("Published results", ("published method", "group", "mean error", "source"), rows)

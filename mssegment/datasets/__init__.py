@@ -1,14 +1,11 @@
-"""Readers of public data sets and other file formats: one module per format and a registry."""
+"""Readers of public data sets and other file formats: one module each, named in ``registry.py``."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
-from mssegment.datasets.adelaidermf import ADELAIDERMF
 from mssegment.datasets.base import DataSet, ImportedTracks, Variables
-from mssegment.datasets.csv_tracks import CSV_TRACKS, read_content, read_table
-from mssegment.datasets.hopkins155 import HOPKINS155
-from mssegment.datasets.kt3dmoseg import KT3DMOSEG
+from mssegment.datasets.csv_tracks import read_content, read_table
 from mssegment.datasets.labels import (
     labels_from_masks,
     labels_from_points,
@@ -16,11 +13,7 @@ from mssegment.datasets.labels import (
 )
 from mssegment.datasets.matlab import load_matlab
 from mssegment.errors import DataError
-
-DATASETS: dict[str, DataSet] = {
-    entry.name: entry for entry in (HOPKINS155, ADELAIDERMF, KT3DMOSEG, CSV_TRACKS)
-}
-"""The formats that ``read`` knows, by name. To add one, write a module and add its DataSet here."""
+from mssegment.registry import DATASETS
 
 __all__ = [
     "DATASETS",
@@ -63,6 +56,7 @@ def recognise(path: Path | str) -> DataSet:
         content, suffix = load_matlab(path), ".mat"
     else:
         content, suffix = read_table(path), ".csv"
+    entry: DataSet
     for entry in DATASETS.values():
         if entry.suffix == suffix and entry.recognises(content):
             return entry
@@ -95,4 +89,5 @@ def read(path: Path | str, dataset: str | None = None) -> ImportedTracks:
         return recognise(path).read(path)
     if dataset not in DATASETS:
         raise DataError(f"unknown data set {dataset!r}; expected one of {', '.join(DATASETS)}")
-    return DATASETS[dataset].read(path)
+    entry: DataSet = DATASETS[dataset]
+    return entry.read(path)

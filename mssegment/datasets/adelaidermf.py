@@ -8,8 +8,10 @@ import numpy as np
 import numpy.typing as npt
 
 from mssegment.datasets.base import (
+    Benchmark,
     DataSet,
     ImportedTracks,
+    Published,
     Variables,
     check_labels,
     check_points,
@@ -99,4 +101,31 @@ def _picture(variables: Variables, name: str, path: Path) -> npt.NDArray[np.uint
     return np.ascontiguousarray(picture[:, :, :3])
 
 
-ADELAIDERMF = DataSet("adelaidermf", "AdelaideRMF", ".mat", recognises, read, pattern="**/*.mat")
+BENCHMARK = Benchmark(
+    {"background.remove": False},
+    {
+        "motion": {"segment.granularity": "object", "hypothesize.model": "auto"},
+        "plane": {
+            "segment.granularity": "surface",
+            "hypothesize.model": "homography",
+        },
+    },
+    (
+        Published(
+            "Progressive-X (count unknown, 19 pairs)",
+            "motion",
+            "10.9",
+            "Barath, Matas: Progressive-X. ICCV 2019",
+        ),
+        Published(
+            "Progressive-X (count unknown, 17 pairs)",
+            "plane",
+            "6.4",
+            "Barath, Matas: Progressive-X. ICCV 2019",
+        ),
+    ),
+)
+
+ADELAIDERMF = DataSet(
+    "adelaidermf", "AdelaideRMF", ".mat", recognises, read, pattern="**/*.mat", benchmark=BENCHMARK
+)

@@ -52,6 +52,23 @@ class ImportedTracks(Record, frozen=True):
         return 0 if labels is None else len(np.unique(labels[labels > 0]))
 
 
+class Published(Record, frozen=True):
+    """A published result: the mean misclassification in percent on ``group``, as text."""
+
+    method: str
+    group: str
+    mean: str
+    source: str
+
+
+class Benchmark(Record, frozen=True):
+    """How a data set is run: common settings, settings by group, and published results."""
+
+    settings: dict[str, object]
+    by_group: dict[str, dict[str, object]]
+    published: tuple[Published, ...]
+
+
 class DataSet(Record, frozen=True):
     """A data set or file format: how to recognize, read and list its files.
 
@@ -69,6 +86,8 @@ class DataSet(Record, frozen=True):
         Reads a file and returns ``ImportedTracks``.
     pattern : str
         Glob pattern of the files below the folder of the data set; empty for a plain file format.
+    benchmark : Benchmark or None
+        How ``mssegment benchmark`` runs the data set; None for a plain file format.
     """
 
     name: str
@@ -77,6 +96,7 @@ class DataSet(Record, frozen=True):
     recognises: Callable[[Variables], bool]
     read: Callable[[Path], ImportedTracks]
     pattern: str = ""
+    benchmark: Benchmark | None = None
 
     def files(self, folder: Path) -> list[Path]:
         """The files of the data set below ``folder``, sorted by name.

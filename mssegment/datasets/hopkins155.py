@@ -8,8 +8,10 @@ from pathlib import Path
 import numpy as np
 
 from mssegment.datasets.base import (
+    Benchmark,
     DataSet,
     ImportedTracks,
+    Published,
     Variables,
     check_labels,
     check_points,
@@ -86,4 +88,32 @@ def read(path: Path) -> ImportedTracks:
     )
 
 
-HOPKINS155 = DataSet("hopkins155", "Hopkins155", ".mat", recognises, read, pattern="**/*_truth.mat")
+BENCHMARK = Benchmark(
+    # in this data set the background is one of the motions
+    {"hypothesize.model": "factorization", "background.remove": False},
+    {},
+    (
+        Published(
+            "RSIM (count given, 155 sequences)",
+            "all",
+            "0.79-0.89",
+            "Ji, Salzmann, Li: Shape interaction matrix revisited and robustified. ICCV 2015",
+        ),
+        Published(
+            "SSC (count given, 155 sequences)",
+            "all",
+            "about 2",
+            "Elhamifar, Vidal: Sparse subspace clustering. PAMI 2013",
+        ),
+    ),
+)
+
+HOPKINS155 = DataSet(
+    "hopkins155",
+    "Hopkins155",
+    ".mat",
+    recognises,
+    read,
+    pattern="**/*_truth.mat",
+    benchmark=BENCHMARK,
+)

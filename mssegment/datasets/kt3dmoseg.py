@@ -8,8 +8,10 @@ from typing import Any
 import numpy as np
 
 from mssegment.datasets.base import (
+    Benchmark,
     DataSet,
     ImportedTracks,
+    Published,
     Variables,
     check_labels,
     check_points,
@@ -66,4 +68,26 @@ def _fields(variables: Variables) -> dict[str, Any]:
     return {name: record[name] for name in struct.dtype.names}
 
 
-KT3DMOSEG = DataSet("kt3dmoseg", "KT3DMoSeg", ".mat", recognises, read, pattern="**/*_Tracks.mat")
+BENCHMARK = Benchmark(
+    {"hypothesize.model": "factorization", "background.remove": False},
+    {},
+    (
+        Published(
+            "multi-view spectral clustering (count given, 22 clips)",
+            "all",
+            "about 8",
+            "Xu, Cheong, Li: Motion segmentation by exploiting complementary geometric "
+            "models. CVPR 2018",
+        ),
+    ),
+)
+
+KT3DMOSEG = DataSet(
+    "kt3dmoseg",
+    "KT3DMoSeg",
+    ".mat",
+    recognises,
+    read,
+    pattern="**/*_Tracks.mat",
+    benchmark=BENCHMARK,
+)
