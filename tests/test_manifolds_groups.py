@@ -122,7 +122,7 @@ def test_pruned_pairs_are_only_those_out_of_reach(group: MatrixGroup, rng):
     h = 0.15
     whole = group.prepare(y, h).block(x)
     for precise, tolerance in ((True, 1e-9), (False, 2e-3)):
-        pruned = group.prepare(y, h, precise, reach=5.0).block(x)
+        pruned = group.prepare(y, h, precise, cutoff=5.0).block(x)
         near = whole.scaled_sq_dist <= 25.0
         assert not np.isfinite(pruned.scaled_sq_dist).all()
         np.testing.assert_allclose(
@@ -156,7 +156,7 @@ def test_logarithms_of_special_linear_at_every_distance(rng):
             place = np.flatnonzero(np.isin(v[:, 0, 0], some[:, 0, 0]))
             found = group.algebra_log(first[:, :, place].astype(kind))
             np.testing.assert_allclose(np.moveaxis(found, 2, 0), some, atol=tolerance)
-    near = group.algebra_log(first, within=1.5)
+    near = group.algebra_log(first, max_norm=1.5)
     inside = np.linalg.norm(v, axis=(1, 2)) < 1.5
     np.testing.assert_allclose(np.moveaxis(near, 2, 0)[inside], v[inside], atol=1e-12)
 

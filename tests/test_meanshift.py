@@ -8,7 +8,7 @@ import pytest
 from mssegment.errors import ConfigurationError, DataError
 from mssegment.manifolds import Manifold, from_name
 from mssegment.meanshift import KERNELS, MeanShift, kernel_named, mean_shift_to_convergence
-from mssegment.meanshift.ascent import RELAXED, shift
+from mssegment.meanshift.ascent import OVERRELAXATION, shift
 
 NAMES = ["euclidean(2)", "grassmann(3,1)", "grassmann(6,2)", "affine(2)", "special_linear(3)"]
 CLIMBING = ["euclidean(2)", "grassmann(3,1)", "grassmann(6,2)", "affine(2,exact)"]
@@ -82,7 +82,9 @@ def test_relaxed_steps_climb_too(name, rng):
         bandwidth = MeanShift(manifold, bandwidth_constant=constant).fit(points).bandwidth_
         prepared = manifold.prepare(points, bandwidth)
         step, density = shift(prepared, KERNELS["gaussian"], points)
-        _, further = shift(prepared, KERNELS["gaussian"], manifold.exp(points, RELAXED * step))
+        _, further = shift(
+            prepared, KERNELS["gaussian"], manifold.exp(points, OVERRELAXATION * step)
+        )
         assert (further >= density * (1 - 1e-9)).all()
 
 
