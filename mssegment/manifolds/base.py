@@ -1,9 +1,10 @@
 """The interface of a manifold, and defaults that need only ``log``.
 
 A new manifold is one file with a subclass of :class:`Manifold` and one line in
-``manifolds.REGISTRY``; the law tests then run on it. Points and tangents are arrays with any
-leading batch axes; a tangent has the shape of a point. Methods broadcast over the batch axes unless
-they state shapes.
+``manifolds.REGISTRY`` (besides the import); the law tests then run on it.
+
+Points and tangents are arrays with any leading batch axes; a tangent has the shape of a point.
+Methods broadcast over the batch axes unless they state shapes.
 
 Mean shift uses a manifold only through :class:`PreparedPoints`: the data points, prepared once for
 all iterations, of which a :class:`KernelBlock` gives the distances and gradients from a block of
@@ -174,7 +175,7 @@ class Manifold(ABC):
 
     @abstractmethod
     def random_point(self, rng: np.random.Generator, size: int) -> Floats:
-        """``size`` random points: uniform on a compact manifold, else near the origin or identity."""
+        """``size`` random points: uniform if the manifold is compact, else near the origin."""
 
     @abstractmethod
     def constraint_violation(self, x: Floats) -> Floats:
