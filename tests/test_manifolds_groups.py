@@ -1,4 +1,4 @@
-"""A(2) and SL(3): closed forms against scipy, and every case where a formula could break."""
+"""Matrix groups: logarithms and exponentials against SciPy's, and the cases that are singular."""
 
 from __future__ import annotations
 
@@ -8,9 +8,20 @@ import scipy.linalg
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mssegment.manifolds import SL3, AffineGroup, MatrixGroup
+from mssegment.manifolds import REGISTRY, SL3, AffineGroup, Manifold, MatrixGroup, from_name
 
 IDENTITY = np.eye(3)
+GROUPS = [
+    group
+    for family in REGISTRY.values()
+    for group in map(from_name, family.examples)
+    if isinstance(group, MatrixGroup)
+]
+
+
+@pytest.fixture(params=GROUPS, ids=lambda group: group.name)
+def group(request: pytest.FixtureRequest) -> Manifold:
+    return request.param
 
 
 def affine(a, b=(0.3, -0.7)):
@@ -116,8 +127,7 @@ def test_jordan_blocks_of_special_linear():
     np.testing.assert_allclose(SL3().log(IDENTITY, IDENTITY + n), n - n @ n / 2, atol=1e-8)
 
 
-@pytest.mark.parametrize("group", [AffineGroup(), SL3()])
-def test_pruned_pairs_are_only_those_out_of_reach(group: MatrixGroup, rng):
+def test_pruned_pairs_are_only_those_out_of_reach(group, rng):
     x, y = group.random_point(rng, 30), group.random_point(rng, 200)
     h = 0.15
     whole = group.prepare(y, h).block(x)
@@ -137,12 +147,11 @@ def test_pruned_pairs_are_only_those_out_of_reach(group: MatrixGroup, rng):
             np.testing.assert_allclose(a, b, atol=tolerance)
 
 
-@pytest.mark.parametrize("group", [AffineGroup(), SL3()])
-def test_lower_bound_of_the_distance(group: MatrixGroup, rng):
+def test_lower_bound_of_the_distance(group, rng):
     """|m - m^-1|_F / 2 <= sinh |log m|_F, by which pairs are left out."""
     m = group.random_point(rng, 500)
     bound = np.arcsinh(0.5 * np.linalg.norm(m - np.linalg.inv(m), axis=(1, 2)))
-    assert (bound <= group.dist(IDENTITY, m) + 1e-12).all()
+    assert (bound <= group.dist(np.eye(group.size), m) + 1e-12).all()
 
 
 def test_logarithms_of_special_linear_at_every_distance(rng):
