@@ -14,22 +14,13 @@ NAMES = [name for family in REGISTRY.values() for name in family.examples]
 EXACT = [name for name in NAMES if from_name(name).exact_gradient]
 WIDE = [name for name in NAMES if from_name(name).dim > 1]
 """On a line the scattered points cover the clusters."""
-DIVERGES = (
-    pytest.mark.xfail(
-        reason="the series of the exact gradient diverges where eigenvalues of a logarithm differ "
-        "by 2 pi or more"
-    ),
-    pytest.mark.filterwarnings("ignore::RuntimeWarning"),
-)
+GROUPS = [name for name in NAMES if from_name(name).left_invariant]
 
 
-def marked(names: list[str]) -> list:
-    """The ``names``, those of groups with the exact gradient as expected failures."""
-    groups = [name for name in EXACT if from_name(name).left_invariant]
-    return [pytest.param(name, marks=DIVERGES) if name in groups else name for name in names]
-
-
-GROUPS = marked([name for name in NAMES if from_name(name).left_invariant])
+def excuse_divergence(manifold: Manifold, found: MeanShift) -> None:
+    """Expect the failure of the exact gradient's series, which the first-order gradient has not."""
+    if manifold.left_invariant and manifold.exact_gradient and not np.isfinite(found.modes_).all():
+        pytest.xfail("the series diverges where eigenvalues of a logarithm differ by 2 pi")
 
 
 def clusters(manifold: Manifold, rng, n=60, spread=0.04, count=3, scattered=0.4):
@@ -247,11 +238,13 @@ def test_many_duplicates(name, rng):
     assert sorted(found.counts_.tolist()) == [10, 20, 30]
 
 
-@pytest.mark.parametrize("name", marked(NAMES))
+@pytest.mark.parametrize("name", NAMES)
 @pytest.mark.parametrize("bandwidth", [1e-9, 1e-3, 1e3])
 def test_extreme_bandwidths(name, bandwidth, rng):
     points = clusters(from_name(name), rng, n=30)[0]
-    found = MeanShift(name, bandwidth=bandwidth).fit(points)
+    with np.errstate(all="ignore"):
+        found = MeanShift(name, bandwidth=bandwidth).fit(points)
+    excuse_divergence(found.manifold, found)
     assert np.isfinite(found.modes_).all()
     assert len(found.modes_) == (30 if bandwidth < 1 else 1)
 
@@ -261,7 +254,9 @@ def test_infinite_distances_keep_points_apart(name, rng):
     """Half a turn has no unique logarithm."""
     near = clusters(from_name(name), rng, n=20, count=1, scattered=0.0)[0]
     turned = near @ np.diag([-1.0, -1.0, 1.0, 1.0][: near.shape[-1]])
-    found = MeanShift(name, bandwidth=0.1).fit(np.concatenate([near, turned]))
+    with np.errstate(all="ignore"):
+        found = MeanShift(name, bandwidth=0.1).fit(np.concatenate([near, turned]))
+    excuse_divergence(found.manifold, found)
     assert not set(found.labels_[:20]) & set(found.labels_[20:])
     assert np.isfinite(found.densities_).all()
 
