@@ -53,8 +53,8 @@ def affine(n: int, goal: float, constant: float = 0.5) -> Iterator[Row]:
 def all_logarithms(manifold: Manifold, points: Floats) -> None:
     """Every logarithm between two of the points, in blocks."""
     prepared = manifold.prepare(points)
-    for start in range(0, len(points), prepared.rows):
-        prepared.block(points[start : start + prepared.rows])
+    for start in range(0, len(points), prepared.block_rows):
+        prepared.block(points[start : start + prepared.block_rows])
 
 
 def _against(

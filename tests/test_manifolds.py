@@ -8,8 +8,19 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
+from mssegment import manifolds
 from mssegment.errors import ConfigurationError, DataError
-from mssegment.manifolds import REGISTRY, Manifold, from_name
+from mssegment.manifolds import (
+    REGISTRY,
+    SE2,
+    SE3,
+    SL3,
+    AffineGroup,
+    Euclidean,
+    Grassmann,
+    Manifold,
+    from_name,
+)
 
 NAMES = [name for family in REGISTRY.values() for name in family.examples]
 
@@ -31,7 +42,33 @@ def close_pair(manifold: Manifold, rng, size=20, length=0.5):
 
 def test_name_is_the_inverse_of_from_name(manifold):
     assert from_name(manifold.name).name == manifold.name
+    assert type(from_name(manifold.name)) is type(manifold)
     assert manifold.name in repr(manifold)
+
+
+def test_every_family_is_exported_and_has_examples():
+    for name, family in REGISTRY.items():
+        assert getattr(manifolds, family.__name__) is family
+        assert family.__name__ in manifolds.__all__
+        assert family.examples
+        assert all(example.startswith(name.removesuffix(")")) for example in family.examples)
+
+
+def test_documented_constructors_give_the_names_of_the_registry():
+    built = [Euclidean(3), Grassmann(10, 3), AffineGroup(2), AffineGroup(exact=True)]
+    built += [SL3(), SL3(exact=True), SE2(), SE2(exact=True), SE3(), SE3(exact=True)]
+    for manifold in built:
+        same = from_name(manifold.name)
+        assert type(same) is type(manifold)
+        assert vars(same) == vars(manifold)
+
+
+@pytest.mark.parametrize(
+    "build", [lambda: Euclidean(0), lambda: Grassmann(3, 3), lambda: AffineGroup(3)]
+)
+def test_arguments_without_a_manifold_are_refused(build):
+    with pytest.raises(ConfigurationError):
+        build()
 
 
 def test_random_points_are_points(manifold, rng):
@@ -161,7 +198,7 @@ def directional_derivative(manifold, x, y, u, t=1e-5):
     return (manifold.dist(ahead, y) ** 2 - manifold.dist(behind, y) ** 2) / (2 * t)
 
 
-def test_attraction_is_minus_half_the_gradient_where_exact(manifold, rng):
+def test_half_gradient_is_that_of_finite_differences_where_exact(manifold, rng):
     """(1), with (13) or the exact gradient, against finite differences."""
     x, y = close_pair(manifold, rng, length=0.8)
     u = manifold.random_tangent(x, rng)
@@ -171,7 +208,7 @@ def test_attraction_is_minus_half_the_gradient_where_exact(manifold, rng):
         np.testing.assert_allclose(found, expected, atol=1e-7)
 
 
-def test_attraction_is_the_gradient_to_first_order(manifold, rng):
+def test_half_gradient_is_right_to_first_order(manifold, rng):
     """(21): the relative error goes to 0 at least as fast as the distance."""
     x = manifold.random_point(rng, 30)
     v, u = manifold.random_tangent(x, rng), manifold.random_tangent(x, rng)
@@ -191,7 +228,7 @@ def test_pairwise_agrees_with_pairs(manifold, rng):
     np.testing.assert_allclose(manifold.pairwise_dist2(x, y), each, rtol=1e-9, atol=1e-12)
 
 
-def test_mean_tangent_is_the_weighted_mean_of_attractions(manifold, rng):
+def test_mean_tangent_is_the_weighted_mean_of_half_gradients(manifold, rng):
     x, y = manifold.random_point(rng, 4), manifold.random_point(rng, 9)
     w = rng.uniform(size=(4, 9))
     w[2] = 0.0
@@ -202,7 +239,7 @@ def test_mean_tangent_is_the_weighted_mean_of_attractions(manifold, rng):
     np.testing.assert_allclose(manifold.mean_tangent(x, y, w), expected, atol=1e-11)
 
 
-def test_default_cloud_agrees_with_the_manifolds_own(manifold, rng):
+def test_prepared_points_agree_with_the_default(manifold, rng):
     x, y = manifold.random_point(rng, 4), manifold.random_point(rng, 9)
     own, default = (
         manifold.prepare(y, 0.3).block(x),
@@ -214,8 +251,8 @@ def test_default_cloud_agrees_with_the_manifolds_own(manifold, rng):
         np.testing.assert_allclose(a, b, atol=1e-10)
 
 
-def test_nearest_points_of_a_cloud_are_those_of_all(manifold, rng):
-    """Also where most pairs are never looked at, and where points coincide."""
+def test_nearest_prepared_points_are_those_of_all_pairs(manifold, rng):
+    """Also where most distances are not computed, and where points coincide."""
     y = manifold.random_point(rng, 40)
     y = np.concatenate([y, manifold.exp(y, 0.01 * manifold.random_tangent(y, rng)), y[:5]])
     prepared = manifold.prepare(y, 0.3)
@@ -257,7 +294,7 @@ def test_wrong_points_are_named(manifold, rng):
     x[1] = np.nan
     with pytest.raises(DataError, match=r"point 1 .*not finite"):
         manifold.check_point(x)
-    if not manifold.name.startswith("euclidean"):
+    if manifold.dim < np.prod(manifold.point_shape):
         x[1] = 7.0
         with pytest.raises(DataError, match="point 1 is not on"):
             manifold.check_point(x)

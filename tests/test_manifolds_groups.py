@@ -1,4 +1,4 @@
-"""A(2) and SL(3): closed forms against scipy, and every case where a formula could break."""
+"""Matrix groups: logarithms and exponentials against SciPy's, and the cases that are singular."""
 
 from __future__ import annotations
 
@@ -8,9 +8,20 @@ import scipy.linalg
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mssegment.manifolds import SL3, AffineGroup, MatrixGroup
+from mssegment.manifolds import REGISTRY, SL3, AffineGroup, Manifold, MatrixGroup, from_name
 
 IDENTITY = np.eye(3)
+GROUPS = [
+    group
+    for family in REGISTRY.values()
+    for group in map(from_name, family.examples)
+    if isinstance(group, MatrixGroup)
+]
+
+
+@pytest.fixture(params=GROUPS, ids=lambda group: group.name)
+def group(request: pytest.FixtureRequest) -> Manifold:
+    return request.param
 
 
 def affine(a, b=(0.3, -0.7)):
@@ -116,13 +127,12 @@ def test_jordan_blocks_of_special_linear():
     np.testing.assert_allclose(SL3().log(IDENTITY, IDENTITY + n), n - n @ n / 2, atol=1e-8)
 
 
-@pytest.mark.parametrize("group", [AffineGroup(), SL3()])
-def test_pruned_pairs_are_only_those_out_of_reach(group: MatrixGroup, rng):
+def test_pruned_pairs_are_only_those_out_of_reach(group, rng):
     x, y = group.random_point(rng, 30), group.random_point(rng, 200)
     h = 0.15
     whole = group.prepare(y, h).block(x)
     for precise, tolerance in ((True, 1e-9), (False, 2e-3)):
-        pruned = group.prepare(y, h, precise, reach=5.0).block(x)
+        pruned = group.prepare(y, h, precise, cutoff=5.0).block(x)
         near = whole.scaled_sq_dist <= 25.0
         assert not np.isfinite(pruned.scaled_sq_dist).all()
         np.testing.assert_allclose(
@@ -137,12 +147,11 @@ def test_pruned_pairs_are_only_those_out_of_reach(group: MatrixGroup, rng):
             np.testing.assert_allclose(a, b, atol=tolerance)
 
 
-@pytest.mark.parametrize("group", [AffineGroup(), SL3()])
-def test_lower_bound_of_the_distance(group: MatrixGroup, rng):
+def test_lower_bound_of_the_distance(group, rng):
     """|m - m^-1|_F / 2 <= sinh |log m|_F, by which pairs are left out."""
     m = group.random_point(rng, 500)
     bound = np.arcsinh(0.5 * np.linalg.norm(m - np.linalg.inv(m), axis=(1, 2)))
-    assert (bound <= group.dist(IDENTITY, m) + 1e-12).all()
+    assert (bound <= group.dist(np.eye(group.size), m) + 1e-12).all()
 
 
 def test_logarithms_of_special_linear_at_every_distance(rng):
@@ -156,7 +165,7 @@ def test_logarithms_of_special_linear_at_every_distance(rng):
             place = np.flatnonzero(np.isin(v[:, 0, 0], some[:, 0, 0]))
             found = group.algebra_log(first[:, :, place].astype(kind))
             np.testing.assert_allclose(np.moveaxis(found, 2, 0), some, atol=tolerance)
-    near = group.algebra_log(first, within=1.5)
+    near = group.algebra_log(first, max_norm=1.5)
     inside = np.linalg.norm(v, axis=(1, 2)) < 1.5
     np.testing.assert_allclose(np.moveaxis(near, 2, 0)[inside], v[inside], atol=1e-12)
 

@@ -1,18 +1,22 @@
-"""The manifolds on which mean shift runs: one file each, and the registry of their names."""
+"""The manifolds on which mean shift runs: one file each, and the registry of their names.
+
+In Python code construct a manifold directly, ``Grassmann(10, 3)``; :func:`from_name` is for names
+in documents and settings.
+"""
 
 from __future__ import annotations
 
 import re
 
 from mssegment.errors import ConfigurationError
-from mssegment.manifolds.affine import AffineGroup
+from mssegment.manifolds.affine import AffineGroup as AffineGroup
 from mssegment.manifolds.base import Array, KernelBlock, Manifold, PreparedPoints
-from mssegment.manifolds.euclidean import Euclidean
-from mssegment.manifolds.grassmann import Grassmann
+from mssegment.manifolds.euclidean import Euclidean as Euclidean
+from mssegment.manifolds.grassmann import Grassmann as Grassmann
 from mssegment.manifolds.matrix_group import MatrixGroup
-from mssegment.manifolds.se2 import SE2
-from mssegment.manifolds.se3 import SE3
-from mssegment.manifolds.sl3 import SL3
+from mssegment.manifolds.se2 import SE2 as SE2
+from mssegment.manifolds.se3 import SE3 as SE3
+from mssegment.manifolds.sl3 import SL3 as SL3
 
 REGISTRY: dict[str, type[Manifold]] = {
     "euclidean": Euclidean,
@@ -22,39 +26,42 @@ REGISTRY: dict[str, type[Manifold]] = {
     "special_euclidean(2)": SE2,
     "special_euclidean(3)": SE3,
 }
-"""The families of manifolds by name, or by name and first argument where each has its own class.
-
-Each knows ``examples`` of its members.
-"""
+"""The classes by the name of their family, or by name and first argument where the members of a
+family have classes of their own."""
 
 
 def from_name(name: str) -> Manifold:
-    """The manifold called ``name``, for instance ``grassmann(10,3)``; ``Manifold.name`` inverts it.
+    """The manifold with this name; the inverse of ``Manifold.name``.
 
-    Raises ConfigurationError when there is no such manifold.
+    Raises
+    ------
+    ConfigurationError
+        Where there is no such manifold.
+
+    Examples
+    --------
+    >>> from_name("grassmann(10,3)").dim
+    21
+    >>> from_name("special_euclidean(2)")
+    <manifold special_euclidean(2)>
     """
     parts = re.fullmatch(r"\s*(\w+)\s*\(([\w\s,]*)\)\s*", name)
     arguments = tuple(a.strip() for a in parts.group(2).split(",")) if parts else ()
-    whole = f"{parts.group(1)}({arguments[0]})" if parts else ""
-    family = REGISTRY.get(parts.group(1), REGISTRY.get(whole)) if parts else None
-    if family is None:
-        known = ", ".join(family.examples[0] for family in REGISTRY.values())
+    member = f"{parts.group(1)}({arguments[0]})" if parts else ""
+    found = REGISTRY.get(parts.group(1), REGISTRY.get(member)) if parts else None
+    if found is None:
+        known = ", ".join(each.examples[0] for each in REGISTRY.values())
         raise ConfigurationError(f"no manifold is called {name!r}; names look like {known}")
-    return family.from_arguments(arguments)
+    return found.from_arguments(arguments)
 
 
 __all__ = [
     "REGISTRY",
-    "SE2",
-    "SE3",
-    "SL3",
-    "AffineGroup",
     "Array",
-    "Euclidean",
-    "Grassmann",
     "KernelBlock",
     "Manifold",
     "MatrixGroup",
     "PreparedPoints",
     "from_name",
 ]
+__all__ += [each.__name__ for each in REGISTRY.values()]

@@ -1,10 +1,10 @@
 """The affine group A(2): the maps x -> A x + b of the plane, det A > 0 (section 5.5, (26)).
 
-The logarithm is a closed form in real arithmetic, entry by entry over whole arrays. A function of
-a 2 x 2 matrix A = s I + N, with N^2 = c I (s half the trace, c the discriminant; the eigenvalues
-are s +- sqrt c), is p I + q N: p is the mean of the function over the two eigenvalues, q its
-divided difference. The logarithm of [A b; 0 1] is [L v; 0 0] with L = (A - I) phi(A) and
-v = phi(A) b, phi(z) = ln z / (z - 1), and needs one pair (p, q).
+The logarithm of such matrices has a closed form, :func:`affine_logarithm`, evaluated entry by entry
+over whole arrays. A function of a 2 x 2 matrix A = s I + N, with N^2 = c I (s half the trace, c the
+discriminant; the eigenvalues are s +- sqrt c), is p I + q N: p is the mean of the function over the
+two eigenvalues, q its divided difference. The logarithm of [A b; 0 1] is [L v; 0 0] with
+L = (A - I) phi(A) and v = phi(A) b, phi(z) = ln z / (z - 1), and needs one pair (p, q).
 """
 
 from __future__ import annotations
@@ -14,63 +14,108 @@ from collections.abc import Callable
 import numpy as np
 import numpy.typing as npt
 
+from mssegment.errors import ConfigurationError
 from mssegment.manifolds.base import Array
 from mssegment.manifolds.matrices import gauss_legendre
 from mssegment.manifolds.matrix_group import MatrixGroup
 from mssegment.records import Floats
 
-_WITHIN = (0.1, 0.25)
+_RADII = (0.1, 0.25)
 _NODES = {np.dtype(np.float64): (5, 7, 12), np.dtype(np.float32): (2, 3, 6)}
-"""Enough for the integral of phi where eigenvalues are so near 1, and where it is used at all, to
-1e-15, and to 1e-6 or so."""
+"""Quadrature nodes for eigenvalues within each radius of 1, and beyond: the integral of phi is then
+good to 1e-15 in double and about 1e-6 in single precision."""
 
 Mask = npt.NDArray[np.bool_]
 
 
 class AffineGroup(MatrixGroup):
-    """A(2), 3 x 3 matrices [A b; 0 1], dimension 6."""
+    """A(2): the affine maps of the plane that keep the orientation, dimension 6.
+
+    Points are 3 x 3 matrices [A b; 0 1] with det A > 0.
+
+    Parameters
+    ----------
+    n
+        The dimension of the space, 2.
+    exact
+        Whether ``neg_half_grad_sq_dist`` is the exact gradient instead of (21).
+
+    Raises
+    ------
+    ConfigurationError
+        For another dimension.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> group = AffineGroup(2)
+    >>> shift = np.array([[1.0, 0.0, 3.0], [0.0, 1.0, 4.0], [0.0, 0.0, 1.0]])
+    >>> group.dist(np.eye(3), shift).round(6).item()
+    5.0
+    >>> AffineGroup(2, exact=True).name
+    'affine(2,exact)'
+    """
 
     examples = ("affine(2)", "affine(2,exact)")
     family = "affine"
     order = 2
-    rows = 2
+    free_rows = 2
     size = 3
+
+    def __init__(self, n: int = 2, *, exact: bool = False) -> None:
+        if n != self.order:
+            raise ConfigurationError(f"affine({n}) is not implemented: use affine(2)")
+        super().__init__(exact=exact)
 
     @property
     def dim(self) -> int:
-        """6."""
+        """The dimension, 6."""
         return 6
 
-    def algebra_log(self, m: Array, within: float = np.inf) -> Array:
-        """The principal logarithm of [A b; 0 1], both (2, 3, ...).
-
-        NaN where no logarithm is real: det A <= 0, or negative real eigenvalues.
-        """
-        e = np.array(m).reshape(2, 3, int(np.prod(np.shape(m)[2:])))
-        e[0, 0] -= 1.0
-        e[1, 1] -= 1.0
-        with np.errstate(all="ignore"):  # what has no logarithm is NaN
-            return _times(e, *_phi(*_split(e))).reshape(np.shape(m))
+    def algebra_log(self, m: Array, max_norm: float = np.inf) -> Array:
+        """The logarithm by :func:`affine_logarithm`."""
+        return affine_logarithm(m)
 
     def onto_algebra(self, v: Array) -> Array:
-        """``v``: every 2 x 3 matrix is in the algebra."""
+        """``v`` itself: every 2 x 3 matrix is in the algebra."""
         return v
 
     def project(self, x: Floats) -> Floats:
-        """``x`` with the last row 0 0 1."""
+        """``x`` with the last row replaced by 0 0 1."""
         projected = np.array(x, dtype=np.float64)
         projected[..., 2, :] = (0.0, 0.0, 1.0)
         return projected
 
     def constraint_violation(self, x: Floats) -> Floats:
-        """The distance of the last row from 0 0 1; infinite where det A <= 0."""
+        """The largest error of an entry of the last row, 0 0 1; infinite where det A <= 0."""
         determinant = x[..., 0, 0] * x[..., 1, 1] - x[..., 0, 1] * x[..., 1, 0]
-        off = np.max(np.abs(x[..., 2, :] - np.array([0.0, 0.0, 1.0])), axis=-1)
-        return np.where(determinant > 0, off, np.inf)
+        error = np.max(np.abs(x[..., 2, :] - np.array([0.0, 0.0, 1.0])), axis=-1)
+        return np.where(determinant > 0, error, np.inf)
+
+
+def affine_logarithm(m: Array) -> Array:
+    """The principal logarithm of affine maps of the plane.
+
+    Parameters
+    ----------
+    m
+        The first two rows of the matrices [A b; 0 1], matrix axes first (2, 3, ...).
+
+    Returns
+    -------
+    array
+        The first two rows of the logarithms (2, 3, ...); the last one is zero. NaN where no
+        logarithm is real: an eigenvalue of A is zero, or real and negative.
+    """
+    e = np.array(m).reshape(2, 3, int(np.prod(np.shape(m)[2:])))
+    e[0, 0] -= 1.0
+    e[1, 1] -= 1.0
+    with np.errstate(all="ignore"):  # without a real logarithm the result is NaN
+        return _times(e, *_phi(*_split(e))).reshape(np.shape(m))
 
 
 def _split(e: Array) -> tuple[Array, Array]:
-    """s and c of the left 2 x 2 part of ``e`` (2, 3, ...)."""
+    """s and c of the left 2 x 2 block of ``e`` (2, 3, ...)."""
     s = 0.5 * (e[0, 0] + e[1, 1])
     half = 0.5 * (e[0, 0] - e[1, 1])
     return s, half * half + e[0, 1] * e[1, 0]
@@ -95,27 +140,27 @@ def _phi(s: Array, c: Array) -> tuple[Array, Array]:
     """p and q of phi(z) = ln z / (z - 1) at the eigenvalues 1 + s +- sqrt c; NaN if not real.
 
     Near the identity phi(A) is the integral of (I + t (A - I))^-1 dt over [0, 1]. Elsewhere it
-    follows from the logarithm, or, where one eigenvalue is near 1, from the two eigenvalues.
+    follows from the logarithm or, where one eigenvalue is near 1, from the two eigenvalues.
     """
-    away = np.sqrt(np.abs(c))
-    away += np.abs(s)
-    near = away < (0.5 if s.dtype == np.float64 else 0.9)
+    radius = np.sqrt(np.abs(c))
+    radius += np.abs(s)
+    near = radius < (0.5 if s.dtype == np.float64 else 0.9)
     if near.all():
-        return _phi_near(s, c, float(away.max(initial=0.0)))
+        return _phi_near(s, c, float(radius.max(initial=0.0)))
     if 2 * np.count_nonzero(near) > near.size:
         p, q = _phi_near(s, c)
         _fill(~near, _phi_far, s, c, p, q)
     else:
         p, q = _phi_far(s, c)
         _fill(near, _phi_near, s, c, p, q)
-    no_logarithm = ~(((1.0 + s) ** 2 > c) & ((c < 0) | (s > -1.0)))
-    p[no_logarithm] = np.nan
+    undefined = ~(((1.0 + s) ** 2 > c) & ((c < 0) | (s > -1.0)))
+    p[undefined] = np.nan
     return p, q
 
 
-def _phi_near(s: Array, c: Array, within: float = 1.0) -> tuple[Array, Array]:
-    """By a quadrature, where the eigenvalues are ``within`` so much of 1."""
-    nodes = _NODES[s.dtype][sum(within >= bound for bound in _WITHIN)]
+def _phi_near(s: Array, c: Array, radius: float = 1.0) -> tuple[Array, Array]:
+    """p and q of phi by a quadrature, for eigenvalues within ``radius`` of 1."""
+    nodes = _NODES[s.dtype][sum(radius >= bound for bound in _RADII)]
     p, q = np.zeros_like(s), np.zeros_like(s)
     for t, w in gauss_legendre(nodes):
         u = t * s
@@ -131,22 +176,22 @@ def _phi_near(s: Array, c: Array, within: float = 1.0) -> tuple[Array, Array]:
 
 
 def _phi_far(s: Array, c: Array) -> tuple[Array, Array]:
-    """By det(A - I) = s^2 - c, where that is not near 0."""
+    """p and q of phi from the logarithm, over det(A - I) = s^2 - c, where that is not near 0."""
     root = np.sqrt(np.abs(c))
-    middle, away = 1.0 + s, s * s - c
+    middle, determinant = 1.0 + s, s * s - c
     ell = 0.5 * np.log(middle * middle - c)
     real = 0.5 * np.log((middle + root) / (middle - root))
     g = np.where(c > 0, real, np.arctan2(root, middle)) / root
     close = (np.abs(c) < 0.04 * middle * middle) & (middle > 0)
     g[close] = _atanh_ratio(c[close] / middle[close] ** 2) / middle[close]
-    p, q = (ell * s - g * c) / away, (g * s - ell) / away
-    single = (c > 0) & (middle > root) & (np.abs(away) < 1e-2 * (1 + s * s))
-    _fill(single, _phi_by_eigenvalue, s, c, p, q)
+    p, q = (ell * s - g * c) / determinant, (g * s - ell) / determinant
+    one_near_1 = (c > 0) & (middle > root) & (np.abs(determinant) < 1e-2 * (1 + s * s))
+    _fill(one_near_1, _phi_by_eigenvalue, s, c, p, q)
     return p, q
 
 
 def _atanh_ratio(x: Array) -> Array:
-    """atanh(sqrt x) / sqrt x for |x| < 0.04, where the eigenvalues are too close to tell apart."""
+    """atanh(sqrt x) / sqrt x by its series, for |x| < 0.04: eigenvalues that nearly coincide."""
     total = np.zeros_like(x)
     for i in range(11, -1, -1):
         total = total * x + 1.0 / (2 * i + 1)
@@ -154,17 +199,15 @@ def _atanh_ratio(x: Array) -> Array:
 
 
 def _phi_by_eigenvalue(s: Array, c: Array) -> tuple[Array, Array]:
+    """p and q of phi from its values at two distinct real eigenvalues."""
     root = np.sqrt(c)
-    return _mean_and_difference(_ratio(np.log1p, s + root), _ratio(np.log1p, s - root), root)
+    larger, smaller = _log1p_ratio(s + root), _log1p_ratio(s - root)
+    return 0.5 * (larger + smaller), 0.5 * (larger - smaller) / root
 
 
-def _mean_and_difference(above: Array, below: Array, root: Array) -> tuple[Array, Array]:
-    return 0.5 * (above + below), 0.5 * (above - below) / root
-
-
-def _ratio(function: Callable[[Array], Array], z: Array) -> Array:
-    """function(z) / z, 1 at 0."""
-    return np.divide(function(z), z, out=np.ones_like(z), where=z != 0)
+def _log1p_ratio(z: Array) -> Array:
+    """ln(1 + z) / z, 1 at 0."""
+    return np.divide(np.log1p(z), z, out=np.ones_like(z), where=z != 0)
 
 
 def _fill(
@@ -175,6 +218,6 @@ def _fill(
     p: Array,
     q: Array,
 ) -> None:
-    """Put ``function``'s p and q where ``where`` says so."""
+    """Overwrite ``p`` and ``q`` by those of ``function`` at ``where``."""
     if where.any():
         p[where], q[where] = function(s[where], c[where])

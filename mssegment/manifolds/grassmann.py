@@ -1,9 +1,4 @@
-"""The Grassmann manifold G(N, k): the k-dimensional subspaces of R^N (section 4.1 of the paper).
-
-A point is an orthonormal basis, an N x k matrix x with x'x = I; x and x q span the same subspace.
-The distance is (12), which the paper calls arc length; it is the projection (or chordal) distance,
-|xx' - yy'|_F / sqrt 2 = |sin of the principal angles|. It is a metric, but not the geodesic length.
-"""
+"""The Grassmann manifold G(N, k): the k-dimensional subspaces of R^N (section 4.1 of the paper)."""
 
 from __future__ import annotations
 
@@ -15,24 +10,59 @@ import numpy as np
 from mssegment.errors import ConfigurationError
 from mssegment.manifolds.base import (
     CACHE_NUMBERS,
-    FEWEST_ROWS,
+    MIN_BLOCK_ROWS,
     Array,
     KernelBlock,
     LogPreparedPoints,
     Manifold,
     Precision,
     PreparedPoints,
-    integers,
+    parse_integers,
     precision,
 )
 from mssegment.records import Floats, Integers
 
 EMBED_ROWS = 4096
+"""Points that are embedded at a time, to bound the memory."""
 _TINY = 1e-300
 
 
 class Grassmann(Manifold):
-    """G(N, k) with the chordal distance (12), its gradient (13) and the exponential (15)."""
+    """G(N, k), the k-dimensional subspaces of R^N.
+
+    A point is an orthonormal basis, an N x k matrix x with x'x = I; x and x q, q orthogonal, are
+    the same subspace. The exponential is (15). The distance is (12), which the paper calls arc
+    length; it is the chordal distance |xx' - yy'|_F / sqrt 2, the norm of the sines of the
+    principal angles: a metric, but shorter than the geodesic. ``neg_half_grad_sq_dist`` is the
+    exact gradient of its square.
+
+    Parameters
+    ----------
+    n
+        N, the dimension of the space.
+    k
+        The dimension of the subspaces, 1 <= k < N.
+
+    Raises
+    ------
+    ConfigurationError
+        For other dimensions.
+
+    References
+    ----------
+    A. Edelman, T. Arias and S. Smith, "The geometry of algorithms with orthogonality constraints",
+    SIAM J. Matrix Anal. Appl. 20, 1998.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> lines = Grassmann(3, 1)
+    >>> x, y = np.array([[0.0], [0.0], [1.0]]), np.array([[0.0], [0.6], [0.8]])
+    >>> lines.dist(x, y).round(3).item(), lines.dist(x, -y).round(3).item()
+    (0.6, 0.6)
+    >>> lines.dist(lines.exp(x, lines.log(x, y)), y).round(6).item()
+    0.0
+    """
 
     examples = ("grassmann(3,1)", "grassmann(4,2)", "grassmann(10,3)", "grassmann(13,4)")
     dist_is_geodesic = False
@@ -46,7 +76,7 @@ class Grassmann(Manifold):
     @classmethod
     def from_arguments(cls, arguments: tuple[str, ...]) -> Grassmann:
         """G(N, k) from ``(N, k)``."""
-        return cls(*integers("grassmann", arguments, "N,k"))
+        return cls(*parse_integers("grassmann", arguments, "N,k"))
 
     @property
     def name(self) -> str:
@@ -55,23 +85,24 @@ class Grassmann(Manifold):
 
     @property
     def dim(self) -> int:
-        """k (N - k)."""
+        """The dimension, k (N - k)."""
         return self.k * (self.n - self.k)
 
     @property
     def point_shape(self) -> tuple[int, ...]:
-        """``(N, k)``."""
+        """The shape of a point, ``(N, k)``."""
         return (self.n, self.k)
 
     @property
-    def numbers_per_prepared_point(self) -> int:
-        """Two copies of the upper triangle of the projector."""
+    def floats_per_prepared_point(self) -> int:
+        """N (N + 1): two copies of the upper triangle of the projector."""
         return self.n * (self.n + 1)
 
     def exp(self, x: Floats, v: Floats) -> Floats:
-        """Equation (15) without its SVD: x cos(sqrt G) + v sinc(sqrt G), G = v'v.
+        """Equation (15) without its SVD: x cos(sqrt G) + v sinc(sqrt G) with G = v'v.
 
-        Both are entire functions of the k x k matrix G. x'x stays I to 1e-11 in hundreds of steps.
+        Both are entire functions of the k x k matrix G, computed by their series. After hundreds of
+        steps x'x is still I to 1e-11.
         """
         if self.k == 1:
             length = np.sqrt(_t(v) @ v)
@@ -83,42 +114,59 @@ class Grassmann(Manifold):
         return np.asarray(moved)
 
     def log(self, x: Floats, y: Floats) -> Floats:
-        """The geodesic logarithm, by the SVD of y'x; defined up to principal angles of pi/2."""
+        """The geodesic logarithm, by the SVD of y'x.
+
+        Where a principal angle is pi/2 the shortest geodesic is not unique, and one is returned.
+        """
         q, cosines, r = np.linalg.svd(_t(y) @ x)
-        across = _off(x, y) @ q
-        sines = np.linalg.norm(across, axis=-2)
+        normal = _normal_part(x, y) @ q
+        sines = np.linalg.norm(normal, axis=-2)
         angles = np.arctan2(sines, cosines)
-        stretch = np.where(sines > 1e-12, angles / np.maximum(sines, 1e-300), 1.0)
-        return np.asarray((across * stretch[..., None, :]) @ r)
+        factors = np.where(sines > 1e-12, angles / np.maximum(sines, _TINY), 1.0)
+        return np.asarray((normal * factors[..., None, :]) @ r)
 
     def principal_angles(self, x: Floats, y: Floats) -> Floats:
-        """The k principal angles between the subspaces, radians, smallest first.
+        """The k principal angles between two subspaces, in radians, smallest first.
 
-        Accurate for small angles too, which the arc cosine alone is not.
+        From sines and cosines, which is accurate for small angles too (Bjorck and Golub, 1973).
+
+        Parameters
+        ----------
+        x, y
+            Points [..., N, k].
+
+        Returns
+        -------
+        array
+            The angles [..., k], between 0 and pi/2.
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> planes = Grassmann(4, 2)
+        >>> x, y = np.eye(4)[:, :2], np.eye(4)[:, [0, 2]]
+        >>> planes.principal_angles(x, y).round(3).tolist()
+        [0.0, 1.571]
         """
         cosines = np.linalg.svd(_t(y) @ x, compute_uv=False)
-        sines = np.linalg.svd(_off(x, y), compute_uv=False)[..., ::-1]
+        sines = np.linalg.svd(_normal_part(x, y), compute_uv=False)[..., ::-1]
         return np.asarray(np.arctan2(sines, cosines))
 
     def inner(self, x: Floats, u: Floats, v: Floats) -> Floats:
-        """tr(u'v)."""
+        """The inner product tr(u'v)."""
         return np.asarray(np.einsum("...ij,...ij->...", u, v))
 
     def dist(self, x: Floats, y: Floats) -> Floats:
-        """Equation (12), d^2 = k - tr(x' y y' x), written |(I - xx') y|_F against cancellation."""
-        return np.asarray(np.linalg.norm(_off(x, y), axis=(-2, -1)))
-
-    def gradient(self, x: Floats, f_x: Floats) -> Floats:
-        """The gradient (11), (I - xx') f_x, of a function with the Jacobian ``f_x`` at ``x``."""
-        return _off(x, f_x)
+        """Equation (12), d^2 = k - tr(x' y y' x), as |(I - xx') y|_F to avoid cancellation."""
+        return np.asarray(np.linalg.norm(_normal_part(x, y), axis=(-2, -1)))
 
     def neg_half_grad_sq_dist(self, x: Floats, y: Floats) -> Floats:
-        """(I - xx') y y' x: -1/2 grad d^2.
+        """(I - xx') y y' x, that is -1/2 grad d^2.
 
-        Equation (13) drops the factor 2 of the derivative of a square; that makes (14) the true
-        mean shift step.
+        Equation (13) omits the factor 2 of the derivative of a square; so (14) is the mean shift
+        step (9), exactly.
         """
-        return _off(x, y @ (_t(y) @ x))
+        return _normal_part(x, y @ (_t(y) @ x))
 
     def project(self, x: Floats) -> Floats:
         """An orthonormal basis of the column space of ``x``, the one nearest to ``x``."""
@@ -126,11 +174,14 @@ class Grassmann(Manifold):
         return np.asarray(u @ v)
 
     def project_tangent(self, x: Floats, v: Floats) -> Floats:
-        """(I - xx') v."""
-        return _off(x, v)
+        """(I - xx') v.
+
+        Of the Jacobian of a function at ``x`` this is the gradient (11).
+        """
+        return _normal_part(x, v)
 
     def random_point(self, rng: np.random.Generator, size: int) -> Floats:
-        """Uniformly distributed subspaces."""
+        """Uniformly distributed subspaces [size, N, k]."""
         return np.linalg.qr(rng.standard_normal((size, self.n, self.k)))[0]
 
     def constraint_violation(self, x: Floats) -> Floats:
@@ -138,9 +189,9 @@ class Grassmann(Manifold):
         return np.asarray(np.max(np.abs(_t(x) @ x - np.eye(self.k)), axis=(-2, -1)))
 
     def prepare(
-        self, y: Floats, bandwidth: float = 1.0, precise: bool = True, reach: float = np.inf
+        self, y: Floats, bandwidth: float = 1.0, precise: bool = True, cutoff: float = np.inf
     ) -> PreparedPoints:
-        """The points ``y`` as projectors, in which d^2 is a dot product."""
+        """The points ``y`` [n, N, k] as projectors, of which d^2 is a dot product; no cutoff."""
         dtype = precision(precise, self.k, bandwidth)
         if dtype is None:
             return LogPreparedPoints(self, y, bandwidth)
@@ -149,7 +200,11 @@ class Grassmann(Manifold):
 
 @lru_cache(maxsize=16)
 def _triangle(n: int) -> tuple[Integers, Integers, Integers]:
-    """Of flat symmetric n x n matrices: the upper triangle, its diagonal, and the way back."""
+    """Indices for symmetric n x n matrices.
+
+    The upper triangle in the flat matrix, the diagonal in the triangle, and the entries of the flat
+    matrix in the triangle.
+    """
     above = np.triu_indices(n)
     place = np.empty((n, n), dtype=np.intp)
     place[above] = place[above[::-1]] = np.arange(len(above[0]))
@@ -159,14 +214,14 @@ def _triangle(n: int) -> tuple[Integers, Integers, Integers]:
 class _ProjectorPoints(PreparedPoints):
     """Every point as the upper triangle of yy'.
 
-    Then tr(x'yy'x) is a dot product, off the diagonal counted twice: all z of a block are one
-    matrix product, and the sums of (14) are a second one. The bandwidth is folded into the first,
-    and so is the k of (12), which is the sum over the diagonal.
+    tr(x'yy'x) is a dot product of two triangles, entries off the diagonal counted twice: all
+    distances of a block are one matrix product, and the sums of (14) are a second one. The first
+    one includes the bandwidth and the k of (12), which is the trace.
     """
 
     def __init__(self, manifold: Grassmann, y: Floats, bandwidth: float, dtype: Precision) -> None:
         self.manifold, self.size, self.bandwidth = manifold, len(y), bandwidth
-        self.rows = max(FEWEST_ROWS, CACHE_NUMBERS // max(1, self.size))
+        self.block_rows = max(MIN_BLOCK_ROWS, CACHE_NUMBERS // max(1, self.size))
         self.dtype, self.n, self.k = dtype, manifold.n, manifold.k
         self.upper, diagonal, self.place = _triangle(manifold.n)
         self.projectors = self.embed(y)
@@ -184,7 +239,7 @@ class _ProjectorPoints(PreparedPoints):
         return out
 
     def _embed_block(self, x: Floats) -> Array:
-        # with a copy of the transpose, BLAS is called for a product, not for half of one
+        # the copy of the transpose makes NumPy call gemm: syrk is slower for small matrices
         x = x.astype(self.dtype, copy=False)
         square = (x @ _t(x).copy()).reshape(len(x), self.n**2)
         embedded: Array = square.take(self.upper, axis=1)
@@ -208,7 +263,7 @@ class _ProjectorBlock(KernelBlock):
         prepared = self._prepared
         sums = prepared.unfold(weights.astype(prepared.dtype, copy=False) @ prepared.projectors)
         total = np.einsum("mii->m", sums) / prepared.k  # tr yy' = k
-        return _off(self._x, sums @ self._x), total
+        return _normal_part(self._x, sums @ self._x), total
 
 
 def _t(x: Array) -> Array:
@@ -221,19 +276,19 @@ def _identity(k: int) -> Floats:
 
 
 def _gram(v: Floats) -> Floats:
-    """v'v; with a copy of the transpose, as a product: of small matrices half of one is slower."""
+    """v'v; the copy makes NumPy call gemm: syrk is slower for small matrices."""
     return np.asarray(_t(v).copy() @ v)
 
 
-def _off(x: Floats, v: Floats) -> Floats:
-    """(I - xx') v, what of ``v`` is across the subspace ``x``."""
+def _normal_part(x: Floats, v: Floats) -> Floats:
+    """(I - xx') v, the part of ``v`` orthogonal to the subspace ``x``."""
     return np.asarray(v - x @ (_t(x) @ v))
 
 
 def _cos_sinc(gram: Floats) -> tuple[Floats, Floats]:
     """cos(sqrt G) and sinc(sqrt G) of symmetric k x k matrices, |G| halved until it is below 1.
 
-    Both series are cut into a low half and G^4 times a high half, which share the powers of G.
+    Each series is a low half plus G^4 times a high half, which share the powers of G.
     """
     largest = float(np.einsum("...ii->...", gram).max(initial=0.0))
     halvings = max(0, int(np.ceil(0.5 * np.log2(largest)))) if largest > 1.0 else 0
@@ -246,7 +301,7 @@ def _cos_sinc(gram: Floats) -> tuple[Floats, Floats]:
     np.matmul(powers[2], gram, out=powers[3])
     np.matmul(powers[2], powers[2], out=powers[4])
     flat = powers.reshape(5, -1)
-    if largest < SHORT:
+    if largest < SHORT_SERIES_BELOW:
         cosine, sinc = (_SHORT_SERIES @ flat).reshape(2, *gram.shape)
         return cosine, sinc
     low, high = (_SERIES @ flat).reshape(2, 2, *gram.shape)
@@ -258,13 +313,13 @@ def _cos_sinc(gram: Floats) -> tuple[Floats, Floats]:
 
 
 def _coefficients(power: int) -> tuple[float, float]:
-    """Of G^power in cos(sqrt G) and in sinc(sqrt G)."""
+    """The coefficients of G^power in cos(sqrt G) and in sinc(sqrt G)."""
     sign = (-1.0) ** power
     return sign / factorial(2 * power), sign / factorial(2 * power + 1)
 
 
 def _series() -> Floats:
-    """Rows: low half of cos, of sinc, high half of both; the terms left out are below 1e-16."""
+    """Rows: low halves of cos and sinc, high halves of both; omitted terms are below 1e-16."""
     table = np.zeros((2, 2, 5))
     for power in range(9):
         half, column = (0, power) if power < 4 else (1, power - 4)
@@ -274,5 +329,5 @@ def _series() -> Floats:
 
 _SERIES = _series()
 _SHORT_SERIES = np.array([_coefficients(power) for power in range(5)]).T.copy()
-SHORT = 0.01
-"""Below this |G| the series end at G^4: the next term is below 1e-16."""
+SHORT_SERIES_BELOW = 0.01
+"""For a smaller |G| the series end at G^4: the next term is below 1e-16."""

@@ -1,4 +1,4 @@
-"""The special linear group SL(3): homographies of the plane, 3 x 3 matrices with determinant 1."""
+"""The special linear group SL(3): homographies, as 3 x 3 matrices with determinant 1."""
 
 from __future__ import annotations
 
@@ -12,45 +12,62 @@ from mssegment.manifolds.matrices import gauss_legendre
 from mssegment.manifolds.matrix_group import MatrixGroup
 from mssegment.records import Floats
 
-NEAR = (4.0, 2.4)
-"""Bounds of |tr M + tr M^-1 - 6| / 2 and |tr M - tr M^-1| / 2. Up to them, where both traces are
-positive, no eigenvalue is real and negative, and the quadrature gives the logarithm at once."""
-BEYOND = 2.2
-"""Logarithms outside are longer than this."""
-MOST_ROOTS, MOST_STEPS = 40, 20
+QUADRATURE_BOUNDS = (4.0, 2.4)
+"""Bounds of |tr M + tr M^-1 - 6| / 2 and |tr M - tr M^-1| / 2. Within them, where both traces are
+positive, no eigenvalue is real and negative, and the quadrature applies."""
+SHORTEST_OUTSIDE = 2.2
+"""Logarithms of matrices outside of these bounds are longer than this."""
+MAX_ROOTS, MAX_NEWTON_STEPS = 40, 20
 
 
-_SHARES = (0.075, 0.25)
+_BOUND_FRACTIONS = (0.075, 0.25)
 _NODES = {np.dtype(np.float64): (5, 7, 12), np.dtype(np.float32): (2, 3, 5)}
-"""Enough up to these shares of the bounds, and up to them, for logarithms to 1e-13 and to 3e-6."""
+"""Quadrature nodes within each fraction of the bounds, and up to the bounds: logarithms are then
+good to 1e-13 in double and 3e-6 in single precision."""
 
 
 class SL3(MatrixGroup):
-    """SL(3), dimension 8."""
+    """SL(3): the homographies of the plane, dimension 8.
+
+    Points are 3 x 3 matrices with determinant 1.
+
+    Parameters
+    ----------
+    exact
+        Whether ``neg_half_grad_sq_dist`` is the exact gradient instead of (21).
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> group = SL3()
+    >>> group.log(np.eye(3), np.diag([2.0, 1.0, 0.5])).round(3).tolist()
+    [[0.693, 0.0, 0.0], [0.0, 0.0, 0.0], [0.0, 0.0, -0.693]]
+    >>> group.project(2.0 * np.eye(3)).round(6).tolist()
+    [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]
+    """
 
     examples = ("special_linear(3)", "special_linear(3,exact)")
     family = "special_linear"
     order = 3
-    rows = 3
+    free_rows = 3
     size = 3
 
     @property
     def dim(self) -> int:
-        """8."""
+        """The dimension, 8."""
         return 8
 
-    def algebra_log(self, m: Array, within: float = np.inf) -> Array:
-        """Equation (17) of ``m`` (3, 3, ...); NaN where no logarithm is real.
+    def algebra_log(self, m: Array, max_norm: float = np.inf) -> Array:
+        """The logarithm (17), by quadrature after repeated square roots.
 
-        That is where an eigenvalue is zero, or real and negative. Matrices that are far from the
-        identity are brought near to it by repeated square roots.
+        NaN where no logarithm is real: an eigenvalue is zero, or real and negative.
         """
         flat = np.reshape(m, (3, 3, int(np.prod(np.shape(m)[2:]))))
         with np.errstate(all="ignore"):
-            return _log(flat, within, MOST_ROOTS).reshape(np.shape(m))
+            return _log(flat, max_norm, MAX_ROOTS).reshape(np.shape(m))
 
     def onto_algebra(self, v: Array) -> Array:
-        """``v`` without its trace."""
+        """``v`` minus the multiple of the identity that has its trace."""
         out = np.array(v)
         _add_to_diagonal(out, (v[0, 0] + v[1, 1] + v[2, 2]) / -3.0)
         return out
@@ -60,41 +77,43 @@ class SL3(MatrixGroup):
         return np.asarray(x / np.cbrt(np.linalg.det(x))[..., None, None])
 
     def constraint_violation(self, x: Floats) -> Floats:
-        """|det x - 1|."""
+        """The error of the determinant, |det x - 1|."""
         return np.asarray(np.abs(np.linalg.det(x) - 1.0))
 
 
-def _log(m: Array, within: float, roots: int) -> Array:
-    """The logarithms of ``m`` (3, 3, n) up to a length, by at most so many square ``roots``."""
+def _log(m: Array, max_norm: float, roots: int) -> Array:
+    """The logarithms of ``m`` (3, 3, n), NaN where none is real; longer ones than ``max_norm`` may
+    be NaN too. At most ``roots`` square roots are taken.
+    """
     inverse = _adjugate(m)
     a, b = m[0, 0] + m[1, 1] + m[2, 2], inverse[0, 0] + inverse[1, 1] + inverse[2, 2]
     even, odd = np.abs(0.5 * (a + b) - 3.0), np.abs(0.5 * (a - b))
-    near = (even < NEAR[0]) & (odd < NEAR[1]) & (a > 0) & (b > 0)
-    widest = max(
-        float(even.max(initial=0.0, where=near)) / NEAR[0],
-        float(odd.max(initial=0.0, where=near)) / NEAR[1],
+    near = (even < QUADRATURE_BOUNDS[0]) & (odd < QUADRATURE_BOUNDS[1]) & (a > 0) & (b > 0)
+    fraction = max(
+        float(even.max(initial=0.0, where=near)) / QUADRATURE_BOUNDS[0],
+        float(odd.max(initial=0.0, where=near)) / QUADRATURE_BOUNDS[1],
     )
-    level = sum(widest > share for share in _SHARES)
+    level = sum(fraction > bound for bound in _BOUND_FRACTIONS)
     log = _log_near_identity(m, inverse, a, b, _NODES[m.dtype][level])
     far = np.flatnonzero(~near)
     if far.size:
         log[:, :, far] = np.nan
         far = far[_has_real_log(m[:, :, far])]
-        if within > BEYOND and far.size and roots:
+        if max_norm > SHORTEST_OUTSIDE and far.size and roots:
             root = _square_root(m[:, :, far])
-            log[:, :, far] = 2.0 * _log(root, 0.5 * within, roots - 1)
+            log[:, :, far] = 2.0 * _log(root, 0.5 * max_norm, roots - 1)
     return log
 
 
 @cache
 def _nodes(count: int) -> list[tuple[float, float]]:
-    """Half the nodes of Gauss and Legendre on [-1, 1], (1 - t^2) / 2 and weight."""
-    whole = [(2.0 * t - 1.0, 2.0 * w) for t, w in gauss_legendre(2 * count)]
-    return [(0.5 * (1.0 - t * t), w) for t, w in whole if t > 0]
+    """(1 - t^2) / 2 and the weights at the positive ones of 2 ``count`` Gauss-Legendre nodes t."""
+    symmetric = [(2.0 * t - 1.0, 2.0 * w) for t, w in gauss_legendre(2 * count)]
+    return [(0.5 * (1.0 - t * t), w) for t, w in symmetric if t > 0]
 
 
 def _adjugate(m: Array) -> Array:
-    """The inverses of ``m`` (3, 3, n), whose determinants are one."""
+    """The adjugates of ``m`` (3, 3, n), which are the inverses where the determinant is 1."""
     out = np.empty_like(m)
     for i in range(3):
         for j in range(3):
@@ -105,11 +124,13 @@ def _adjugate(m: Array) -> Array:
 
 
 def _add_to_diagonal(m: Array, numbers: Array) -> None:
+    """Add ``numbers`` [...] times the identity to ``m`` (3, 3, ...), in place."""
     for i in range(3):
         m[i, i] += numbers
 
 
 def _product(a: Array, b: Array) -> Array:
+    """The matrix products of ``a`` and ``b`` (3, 3, ...)."""
     out = np.empty(np.broadcast_shapes(a.shape, b.shape), dtype=np.result_type(a, b))
     part = np.empty(out.shape[2:], dtype=out.dtype)
     for i in range(3):
@@ -121,7 +142,7 @@ def _product(a: Array, b: Array) -> Array:
 
 
 def _invariants(m: Array) -> tuple[Array, Array, Array]:
-    """Trace, sum of the principal minors, determinant."""
+    """The coefficients of the characteristic polynomial: trace, principal minors, determinant."""
     a = m[1, 1] * m[2, 2] - m[1, 2] * m[2, 1]
     b = m[1, 0] * m[2, 2] - m[1, 2] * m[2, 0]
     c = m[1, 0] * m[2, 1] - m[1, 1] * m[2, 0]
@@ -143,22 +164,22 @@ def _has_real_log(m: Array) -> npt.NDArray[np.bool_]:
 
 
 def _square_root(m: Array) -> Array:
-    """Principal square roots U, by Cayley and Hamilton a polynomial in M (Hoger and Carlson, 1984).
+    """Principal square roots, polynomials in M by Cayley-Hamilton (Hoger and Carlson, 1984).
 
-    With r_i the roots of the eigenvalues, s = r1 + r2 + r3 is the largest root of
-    (s^2 - a)^2 = 4 b + 8 d s, where a, b, d^2 are the invariants of M: the others have two signs
-    changed. Newton's iteration comes down to it from above without a detour.
+    With r_i the roots of the eigenvalues, s = r1 + r2 + r3 is the largest solution of
+    (s^2 - a)^2 = 4 b + 8 d s, where a, b, d^2 are the invariants of M: the other solutions have two
+    signs changed. Newton's iteration from above decreases monotonically to it.
     """
     a, b, determinant = _invariants(m)
     d = np.sqrt(determinant)
     s = np.sqrt(3.0 * np.sqrt(3.0 * np.sum(m * m, axis=(0, 1)))).astype(m.dtype)
-    enough = 0.1 * float(np.sqrt(np.finfo(m.dtype).eps))
-    for _ in range(MOST_STEPS):
+    tolerance = 0.1 * float(np.sqrt(np.finfo(m.dtype).eps))
+    for _ in range(MAX_NEWTON_STEPS):
         gap = s * s - a
-        fall = (gap * gap - 8.0 * d * s - 4.0 * b) / (4.0 * s * gap - 8.0 * d)
-        s -= fall
-        # the error that is left is of the order of the square of the last step
-        if not np.any(np.abs(fall) > enough * s):
+        decrease = (gap * gap - 8.0 * d * s - 4.0 * b) / (4.0 * s * gap - 8.0 * d)
+        s -= decrease
+        # the remaining error is of the order of the square of the last step
+        if not np.any(np.abs(decrease) > tolerance * s):
             break
     q = 0.5 * (s * s - a)
     over = 1.0 / (s * q - d)
@@ -172,10 +193,10 @@ def _log_near_identity(m: Array, inverse: Array, a: Array, b: Array, nodes: int)
     """log M from M, its ``inverse``, their traces ``a`` and ``b``, by a quadrature.
 
     With sinh log M = (M - M^-1) / 2 and cosh log M = (M + M^-1) / 2 = I + E, log M is the integral
-    over t from 0 to 1 of sinh log M (I + (1 - t^2) E / 2)^-1 dt: even in log M, it needs half of
-    the nodes of one over M alone, in a wider region. By Cayley and Hamilton (M^2 = a M - b I +
-    M^-1) the integrand is p M - q M^-1 + r I, with p and q rational in the traces; r makes the
-    trace zero.
+    over t from 0 to 1 of sinh log M (I + (1 - t^2) E / 2)^-1 dt. The inverse is even in log M, so
+    half as many nodes are needed as for an integral over M alone, in a wider region. By
+    Cayley-Hamilton (M^2 = a M - b I + M^-1) the integrand is p M - q M^-1 + r I, with p and q
+    rational in the traces, and r such that the trace is zero.
     """
     x, y = a - 1.0, b - 1.0
     total, product = x + y, x * y

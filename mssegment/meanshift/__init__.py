@@ -1,5 +1,9 @@
-"""Mean shift over any manifold: kernels, bandwidth, the iteration, modes, the estimator."""
+"""Mean shift over any manifold: kernels, bandwidth, the iteration, modes, the estimator.
 
+:class:`MeanShift` clusters points; :func:`ascend` is the iteration itself.
+"""
+
+from mssegment.meanshift.ascent import ascend, shift
 from mssegment.meanshift.bandwidth import nearest_neighbour_bandwidth
 from mssegment.meanshift.estimator import MeanShift
 from mssegment.meanshift.kernels import KERNELS, Kernel, kernel_named
@@ -9,7 +13,9 @@ __all__ = [
     "KERNELS",
     "Kernel",
     "MeanShift",
+    "ascend",
     "kernel_named",
     "mean_shift_to_convergence",
     "nearest_neighbour_bandwidth",
+    "shift",
 ]

@@ -1,4 +1,9 @@
-"""Mean shift clustering over any manifold, with scikit-learn's conventions."""
+"""Mean shift clustering over any manifold: the estimator.
+
+It borrows names from scikit-learn (``fit``, ``fit_predict``, ``labels_``) but is not a scikit-learn
+estimator: it has neither ``get_params`` nor ``predict``, the constructor replaces a manifold's name
+by the manifold, and the random generator is an argument of ``fit``.
+"""
 
 from __future__ import annotations
 
@@ -12,8 +17,8 @@ from mssegment.manifolds import Manifold, from_name
 from mssegment.meanshift.ascent import Ascent
 from mssegment.meanshift.bandwidth import nearest_neighbour_bandwidth
 from mssegment.meanshift.kernels import kernel_named
-from mssegment.meanshift.large import SAMPLE, find_by_sample
-from mssegment.meanshift.search import Found, Search
+from mssegment.meanshift.large import SAMPLE_SIZE, find_by_sample
+from mssegment.meanshift.search import ModeSearch, SearchResult
 from mssegment.records import Floats, Integers
 
 if TYPE_CHECKING:
@@ -21,31 +26,80 @@ if TYPE_CHECKING:
 
 
 class MeanShift:
-    """Finds the modes of the kernel density (7) of points on a manifold.
+    """Clustering by the modes of the kernel density (7) of points on a manifold.
 
     Parameters
     ----------
-    manifold: a manifold or its name, such as ``"grassmann(10,3)"``.
-    bandwidth: h in the manifold's distance, or ``"auto"``: ``bandwidth_constant`` times the
-        median distance to the (0.05 n)-th nearest neighbour.
-    kernel: ``"gaussian"``, ``"truncated"`` or ``"epanechnikov"``.
-    merge_within: modes nearer than this many bandwidths are one.
-    min_count: modes that fewer trajectories reach are left out, their points labelled -1.
-    max_iterations: a trajectory stops after so many steps at the latest.
-    sample_above: more points than this climb the density of a sample of 4000 of them, at a cost
-        that grows linearly; what is far from the sample is labelled -1.
-    memory_mb: bounds the memory used then, besides the points and the result.
-    threads: blocks of rows are spread over so many threads. The matrix products themselves must
-        run on one (``OPENBLAS_NUM_THREADS=1``): they are small, and several BLAS threads make them
-        4-12 times slower. The result is the same with any number.
-    record: keep every trajectory in ``trajectories_`` (for plotting; not with a sample).
+    manifold
+        A manifold, or its name, such as ``"grassmann(10,3)"``.
+    bandwidth
+        h, in the manifold's distance; ``"auto"`` takes
+        :func:`~mssegment.meanshift.nearest_neighbour_bandwidth`.
+    kernel
+        ``"gaussian"``, ``"truncated"`` or ``"epanechnikov"``.
+    bandwidth_constant
+        The ``constant`` of that rule.
+    merge_within
+        Modes that are nearer than this many bandwidths are merged.
+    min_count
+        Modes at which fewer trajectories end are dropped, and their points labelled -1.
+    max_iterations
+        The largest number of steps of a trajectory.
+    sample_above
+        The number of points above which they ascend the density of a sample of 4000 of them, at a
+        cost that is linear in their number; points far from the sample are labelled -1. At least
+        4000.
+    memory_mb
+        With a sample, a bound on the memory used besides the points and the result, in megabytes.
+    threads
+        The number of threads that share blocks of rows; the result is the same with any. The matrix
+        products must run on one thread each (``OPENBLAS_NUM_THREADS=1``): they are small, and
+        several BLAS threads make them 4-12 times slower.
+    record
+        Whether to keep the trajectories, for plotting; not with a sample.
 
-    Attributes after ``fit``
-    ------------------------
-    modes_ [m, ...], densest first; ``densities_`` [m] kernel density (7) at each without its
-    constant c_{k,h}; ``counts_`` [m] trajectories that end there; ``labels_`` [n] the mode of each
-    point, -1 for what belongs nowhere; ``bandwidth_``; ``n_iter_``; ``trajectories_``, a list of n
-    arrays [steps, ...], where asked for.
+    Attributes
+    ----------
+    modes_
+        The modes [m, ...], densest first.
+    densities_
+        The kernel densities (7) there [m], without the constant c_{k,h}.
+    counts_
+        The number of trajectories that end at each mode [m].
+    labels_
+        The mode of each point [n], -1 for none.
+    bandwidth_
+        h.
+    n_iter_
+        The number of steps of the first pass.
+    trajectories_
+        With ``record``, the path of each point, a list of n arrays [steps, ...]; else None.
+
+    Raises
+    ------
+    ConfigurationError
+        Where there is no manifold of that name.
+
+    References
+    ----------
+    R. Subbarao and P. Meer, "Nonlinear mean shift for clustering over analytic manifolds",
+    CVPR 2006.
+
+    Examples
+    --------
+    Two bundles of lines through the origin of space, points of G(3,1):
+
+    >>> import numpy as np
+    >>> from mssegment.manifolds import Grassmann
+    >>> rng = np.random.default_rng(0)
+    >>> lines = np.repeat([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0]], [30, 20], axis=0)
+    >>> lines = lines + 0.05 * rng.standard_normal((50, 3))
+    >>> lines /= np.linalg.norm(lines, axis=1, keepdims=True)
+    >>> found = MeanShift(Grassmann(3, 1), bandwidth=0.2).fit(lines[:, :, None])
+    >>> found.counts_.tolist()
+    [30, 20]
+    >>> abs(found.modes_[:, :, 0]).round(1).tolist()
+    [[0.0, 0.0, 1.0], [1.0, 0.0, 0.0]]
     """
 
     modes_: Floats
@@ -66,7 +120,7 @@ class MeanShift:
         merge_within: float = 1.0,
         min_count: int = 1,
         max_iterations: int = 500,
-        sample_above: int = 2 * SAMPLE,
+        sample_above: int = 2 * SAMPLE_SIZE,
         memory_mb: float = 1000.0,
         threads: int = 1,
         record: bool = False,
@@ -78,17 +132,32 @@ class MeanShift:
         self.merge_within = merge_within
         self.min_count = min_count
         self.max_iterations = max_iterations
-        self.sample_above = max(sample_above, SAMPLE)
+        self.sample_above = max(sample_above, SAMPLE_SIZE)
         self.memory_mb = memory_mb
         self.threads = threads
         self.record = record
 
     def fit(self, points: Floats, rng: np.random.Generator | None = None) -> MeanShift:
-        """Cluster ``points`` [n, ...] on the manifold.
+        """Cluster the points.
 
-        ``rng`` (a fixed seed by default) draws the sample for the bandwidth and the perturbations.
-        Raises DataError for no points or arrays that are not points, ConfigurationError for a
-        bandwidth that is not positive or an unknown kernel.
+        Parameters
+        ----------
+        points
+            Points of the manifold [n, ...].
+        rng
+            Draws the samples and the perturbations; a generator with seed 0 by default.
+
+        Returns
+        -------
+        MeanShift
+            The estimator itself, with its attributes set.
+
+        Raises
+        ------
+        DataError
+            Where there are no points, or they are not on the manifold.
+        ConfigurationError
+            For a bandwidth that is not positive and finite, or an unknown kernel.
         """
         rng = np.random.default_rng(0) if rng is None else rng
         points = np.asarray(points, dtype=np.float64)
@@ -97,7 +166,7 @@ class MeanShift:
         self.manifold.check_point(points)
         self.bandwidth_ = self._choose_bandwidth(points, rng)
         with _pool(self.threads) as pool:
-            search = Search(
+            search = ModeSearch(
                 self.manifold,
                 kernel_named(self.kernel),
                 self.bandwidth_,
@@ -110,15 +179,15 @@ class MeanShift:
                 found = find_by_sample(search, points, rng, self.memory_mb)
             else:
                 found = search.find(points, rng)
-        self.n_iter_ = found.way.iterations
+        self.n_iter_ = found.ascent.iterations
         self._rank(found)
         self.trajectories_ = None
         if self.record and len(points) <= self.sample_above:
-            self.trajectories_ = self._paths(found.way)
+            self.trajectories_ = self._paths(found.ascent)
         return self
 
     def fit_predict(self, points: Floats, rng: np.random.Generator | None = None) -> Integers:
-        """``fit``, then ``labels_``."""
+        """The labels [n] of the points, as ``fit(points, rng).labels_``."""
         return self.fit(points, rng).labels_
 
     def _choose_bandwidth(self, points: Floats, rng: np.random.Generator) -> float:
@@ -130,8 +199,8 @@ class MeanShift:
             )
         return float(self.bandwidth)
 
-    def _rank(self, found: Found) -> None:
-        """Keep the modes that enough trajectories reach, densest first."""
+    def _rank(self, found: SearchResult) -> None:
+        """Set the attributes to the modes that enough trajectories reach, densest first."""
         modes, densities, labels = found.modes, found.densities, found.labels
         counts = np.bincount(labels[labels >= 0], minlength=len(modes))
         kept = np.flatnonzero(counts >= max(1, self.min_count))
@@ -141,15 +210,12 @@ class MeanShift:
         self.modes_, self.densities_, self.counts_ = modes[kept], densities[kept], counts[kept]
         self.labels_ = place[labels]
 
-    def _paths(self, way: Ascent) -> list[Floats]:
-        """Each trajectory [steps, ...]; it ends at its mode, a follower via its leaders."""
-        paths: list[list[Floats]] = [[] for _ in way.x]
-        for moving, x in way.history or []:
-            for i, place in zip(moving, x, strict=True):
-                paths[i].append(place)
-        for i, (last, label) in enumerate(zip(way.last_leader(), self.labels_, strict=True)):
-            if last != i:
-                paths[i].append(way.x[last])
+    def _paths(self, ascent: Ascent) -> list[Floats]:
+        """Each trajectory [steps, ...] up to its mode; a follower continues at its leader's end."""
+        paths = ascent.paths()
+        for i, (leader, label) in enumerate(zip(ascent.final_leader(), self.labels_, strict=True)):
+            if leader != i:
+                paths[i].append(ascent.x[leader])
             if label >= 0:
                 paths[i].append(self.modes_[label])
         return [np.stack(path) for path in paths]

@@ -1,8 +1,9 @@
-"""Kernel profiles k(z) of the density estimate (7) and the weights g = -k' of the shift (9)."""
+"""Kernel profiles k(z) of the density estimate (7) and the weights g = -k' of mean shift (9)."""
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from typing import ClassVar
 
 import numpy as np
 
@@ -11,84 +12,128 @@ from mssegment.manifolds import Array
 
 
 class Kernel(ABC):
-    """A profile k(z), z = d^2 / h^2, with k(0) = 1."""
+    """A kernel profile k(z) of z = d^2 / h^2, with k(0) = 1.
 
-    name: str
+    Attributes
+    ----------
+    name
+        The name in :data:`KERNELS`.
+    """
 
-    def reach(self, precise: bool) -> float:
-        """Beyond so many bandwidths a point has no weight (or none that matters)."""
+    name: ClassVar[str]
+
+    def cutoff(self, precise: bool) -> float:
+        """The distance, in bandwidths, beyond which points may be left out.
+
+        Parameters
+        ----------
+        precise
+            Whether the result is needed in double precision.
+        """
         return np.inf
 
     @abstractmethod
     def profile(self, z: Array) -> Array:
-        """k(z)."""
+        """The profile k(z), of the shape of ``z``."""
 
     @abstractmethod
-    def weigh(self, z: Array) -> tuple[Array, Array | None]:
-        """The weights g(z) [m, n], up to a constant factor, and the row sums of k(z) [m].
+    def weights(self, z: Array) -> tuple[Array, Array | None]:
+        """The weights g(z) of the mean shift, and the sums of the profile.
 
-        None instead of the sums where they are those of the weights. ``z`` may be overwritten.
+        Parameters
+        ----------
+        z
+            Scaled squared distances [m, n]; they may be overwritten.
+
+        Returns
+        -------
+        weights
+            g(z) [m, n], up to a constant factor.
+        profile_sums
+            The row sums of k(z) [m]; None where they are those of the weights.
         """
 
 
 class Gaussian(Kernel):
-    """k(z) = exp(-z / 2), that is exp(-d^2 / 2 h^2): the kernel of the paper."""
+    """k(z) = exp(-z / 2), that is exp(-d^2 / 2 h^2): the kernel of the paper.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> Gaussian().profile(np.array([0.0, 1.0, 4.0])).round(3).tolist()
+    [1.0, 0.607, 0.135]
+    """
 
     name = "gaussian"
 
-    def reach(self, precise: bool) -> float:
-        """Weights below 1e-15 are nothing, and below 1e-6 move no trajectory to another mode."""
+    def cutoff(self, precise: bool) -> float:
+        """The radius where the weight is 1e-16; 3e-7 unless ``precise``."""
         return 8.5 if precise else 5.5
 
     def profile(self, z: Array) -> Array:
-        """exp(-z / 2)."""
+        """The profile exp(-z / 2)."""
         return np.asarray(np.exp(-0.5 * z))
 
-    def weigh(self, z: Array) -> tuple[Array, Array | None]:
-        """k and g are the same up to the factor 2."""
+    def weights(self, z: Array) -> tuple[Array, Array | None]:
+        """The weights exp(-z / 2): k and g are equal up to the factor 2."""
         z *= -0.5
         return np.exp(z, out=z), None
 
 
 class TruncatedGaussian(Kernel):
-    """The Gaussian profile lowered to reach 0 at d = 3 h, where it ends."""
+    """The Gaussian profile, shifted and scaled so that it ends at 0 at d = 3 h.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> TruncatedGaussian().profile(np.array([0.0, 1.0, 9.0])).round(3).tolist()
+    [1.0, 0.602, 0.0]
+    """
 
     name = "truncated"
-    edge = 3.0
+    radius: ClassVar[float] = 3.0
+    """Where the profile ends, in bandwidths."""
 
-    def reach(self, precise: bool) -> float:
-        """3."""
-        return self.edge
+    def cutoff(self, precise: bool) -> float:
+        """3, the radius of the support."""
+        return self.radius
 
     def profile(self, z: Array) -> Array:
-        """(exp(-z / 2) - e) / (1 - e), e = exp(-9 / 2); 0 beyond 3 h."""
-        at_edge = float(np.exp(-0.5 * self.edge**2))
-        return np.asarray(np.maximum(np.exp(-0.5 * z) - at_edge, 0) / (1 - at_edge))
+        """The profile (exp(-z / 2) - e) / (1 - e), e = exp(-9 / 2); 0 beyond 3 h."""
+        last = float(np.exp(-0.5 * self.radius**2))
+        return np.asarray(np.maximum(np.exp(-0.5 * z) - last, 0) / (1 - last))
 
-    def weigh(self, z: Array) -> tuple[Array, Array | None]:
-        """g is the Gaussian inside the edge, 0 outside."""
-        inside = z < self.edge**2
+    def weights(self, z: Array) -> tuple[Array, Array | None]:
+        """The Gaussian weights within 3 h, 0 beyond."""
+        inside = z < self.radius**2
         weights = np.exp(-0.5 * z) * inside
-        at_edge = float(np.exp(-0.5 * self.edge**2))
-        profile = (weights.sum(axis=1) - at_edge * inside.sum(axis=1)) / (1 - at_edge)
+        last = float(np.exp(-0.5 * self.radius**2))
+        profile = (weights.sum(axis=1) - last * inside.sum(axis=1)) / (1 - last)
         return weights, profile
 
 
 class Epanechnikov(Kernel):
-    """k(z) = max(0, 1 - z): g is 1 within the bandwidth, so the shift is a plain local mean."""
+    """k(z) = max(0, 1 - z). Its weights are uniform: a mean shift step is a local mean.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> Epanechnikov().profile(np.array([0.0, 0.25, 4.0])).tolist()
+    [1.0, 0.75, 0.0]
+    """
 
     name = "epanechnikov"
 
-    def reach(self, precise: bool) -> float:
-        """1."""
+    def cutoff(self, precise: bool) -> float:
+        """1, the radius of the support."""
         return 1.0
 
     def profile(self, z: Array) -> Array:
-        """max(0, 1 - z)."""
+        """The profile max(0, 1 - z)."""
         return np.asarray(np.maximum(1.0 - z, 0))
 
-    def weigh(self, z: Array) -> tuple[Array, Array | None]:
-        """g is 1 inside the bandwidth, 0 outside."""
+    def weights(self, z: Array) -> tuple[Array, Array | None]:
+        """1 within the bandwidth, 0 beyond."""
         return (z < 1).astype(z.dtype), self.profile(z).sum(axis=1)
 
 
@@ -97,7 +142,18 @@ KERNELS: dict[str, Kernel] = {k.name: k for k in (Gaussian(), TruncatedGaussian(
 
 
 def kernel_named(name: str) -> Kernel:
-    """The kernel called ``name``; raises ConfigurationError where there is none."""
+    """The kernel with this name.
+
+    Raises
+    ------
+    ConfigurationError
+        Where there is none.
+
+    Examples
+    --------
+    >>> kernel_named("epanechnikov").cutoff(precise=True)
+    1.0
+    """
     if name not in KERNELS:
         known = ", ".join(KERNELS)
         raise ConfigurationError(f"no kernel is called {name!r}: use one of {known}")

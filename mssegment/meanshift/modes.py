@@ -11,24 +11,51 @@ from mssegment.records import Floats, Integers
 def merge(
     manifold: Manifold, x: Floats, density: Floats, within: float
 ) -> tuple[Integers, Integers]:
-    """The distinct ones of ``x`` [n, ...], densest first, and for each point its place among them.
+    """Merge points that are near each other, keeping the densest.
 
-    Going down in density, a point nearer than ``within`` to one that is kept joins the densest
-    such; otherwise it is kept. Returns the indices of the kept [m] and the assignment [n].
+    In order of decreasing density, a point is merged into the densest kept point that is nearer
+    than ``within``, and kept where there is none.
+
+    Parameters
+    ----------
+    manifold
+        The manifold.
+    x
+        The points [n, ...].
+    density
+        Their densities [n].
+    within
+        The distance, in that of the manifold.
+
+    Returns
+    -------
+    kept
+        The indices of the kept points [m], densest first.
+    assignment
+        For each point the position in ``kept`` of the one that it was merged into [n].
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from mssegment.manifolds import Euclidean
+    >>> ends, density = np.array([[0.0], [0.1], [5.0]]), np.array([0.3, 0.4, 0.2])
+    >>> kept, assignment = merge(Euclidean(1), ends, density, within=1.0)
+    >>> kept.tolist(), assignment.tolist()
+    ([1, 2], [0, 0, 1])
     """
     order = np.argsort(-density, kind="stable")
     ordered = x[order]
-    joined = np.arange(len(x))
-    prepared = manifold.prepare(ordered, within, reach=1.0)
-    for start in range(0, len(x), prepared.rows):
+    target = np.arange(len(x))
+    prepared = manifold.prepare(ordered, within, cutoff=1.0)
+    for start in range(0, len(x), prepared.block_rows):
         rows, columns = np.nonzero(
-            prepared.block(ordered[start : start + prepared.rows]).scaled_sq_dist < 1.0
+            prepared.block(ordered[start : start + prepared.block_rows]).scaled_sq_dist < 1.0
         )
         rows += start
         for i, j in zip(rows.tolist(), columns.tolist(), strict=True):
-            if j < i and joined[j] == j and joined[i] == i:
-                joined[i] = j
-    kept = np.flatnonzero(joined == np.arange(len(x)))
+            if j < i and target[j] == j and target[i] == i:
+                target[i] = j
+    kept = np.flatnonzero(target == np.arange(len(x)))
     assignment = np.empty(len(x), dtype=np.int64)
-    assignment[order] = np.searchsorted(kept, joined)
+    assignment[order] = np.searchsorted(kept, target)
     return order[kept], assignment

@@ -1,15 +1,9 @@
-"""The paper's algorithm as it stands, for all starts at once: the measure of the fast one.
-
-No acceleration, no merging on the way, double precision, every trajectory to convergence. It is
-kept to be compared with; use :class:`mssegment.meanshift.MeanShift`.
-"""
+"""The paper's algorithm without acceleration: the reference for the fast one."""
 
 from __future__ import annotations
 
-import numpy as np
-
 from mssegment.manifolds import Manifold
-from mssegment.meanshift.ascent import shift
+from mssegment.meanshift.ascent import ascend
 from mssegment.meanshift.kernels import Gaussian, Kernel
 from mssegment.records import Floats
 
@@ -24,19 +18,49 @@ def mean_shift_to_convergence(
     tolerance: float = 1e-7,
     max_iterations: int = 3000,
 ) -> tuple[Floats, Floats]:
-    """Where each of ``points`` [n, ...] arrives by (9)-(10), and the density (7) there [n].
+    """Where plain mean shift takes every point.
 
-    A trajectory ends when its shift is shorter than ``tolerance`` bandwidths.
+    Steps of (10), double precision, every trajectory to convergence. No longer steps, no
+    following, no merging, no removal of saddle points. Meant for comparison: it takes thousands of
+    passes over all pairs. Use :class:`mssegment.meanshift.MeanShift` to cluster.
+
+    Parameters
+    ----------
+    manifold
+        The manifold.
+    points
+        The data points, which are also the starts [n, ...].
+    bandwidth
+        h, in the manifold's distance.
+    kernel
+        The kernel profile.
+    tolerance
+        A trajectory has converged when its shift is no longer than this many bandwidths.
+    max_iterations
+        The largest number of steps.
+
+    Returns
+    -------
+    ends
+        The ends of the trajectories [n, ...].
+    densities
+        The kernel density (7) there [n], without the constant c_{k,h}.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from mssegment.manifolds import Euclidean
+    >>> points = np.array([[0.0], [1.0], [10.0]])
+    >>> ends, _ = mean_shift_to_convergence(Euclidean(1), points, bandwidth=1.0)
+    >>> ends.round(3).tolist()
+    [[0.5], [0.5], [10.0]]
     """
-    prepared = manifold.prepare(points, bandwidth)
-    x = np.array(points, dtype=np.float64)
-    density = np.zeros(len(x))
-    moving = np.arange(len(x))
-    for _ in range(max_iterations):
-        step, density[moving] = shift(prepared, kernel, x[moving])
-        length = manifold.norm(x[moving], step)
-        x[moving] = manifold.exp(x[moving], step)
-        moving = moving[length > tolerance * bandwidth]
-        if not moving.size:
-            break
-    return x, density
+    found = ascend(
+        manifold.prepare(points, bandwidth),
+        kernel,
+        points,
+        tolerance=tolerance,
+        max_iterations=max_iterations,
+        accelerated=False,
+    )
+    return found.x, found.density

@@ -1,4 +1,4 @@
-"""The search for modes: every start up, ends merged, saddle points dropped, modes polished."""
+"""The search for modes: ascend from all points, merge the ends, drop saddle points, refine."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mssegment.manifolds import Manifold, PreparedPoints
-from mssegment.meanshift.ascent import Ascent, Mask, Thin, ascend, follow
+from mssegment.meanshift.ascent import Ascent, Mask, Prune, ascend, follow
 from mssegment.meanshift.kernels import Kernel
 from mssegment.meanshift.modes import merge
 from mssegment.records import Floats, Integers, Record, State
@@ -17,30 +17,57 @@ if TYPE_CHECKING:
     from concurrent.futures import Executor
 
 FOLLOW_WITHIN = 0.15
-"""A trajectory this near (in bandwidths) to a denser one follows it."""
+"""A trajectory follows a denser one that is nearer than this many bandwidths."""
 STRAGGLERS = 30
-"""When only one in so many still moves, the modes found so far join them on the last climb."""
-WAY_TOLERANCE, MODE_TOLERANCE = 1e-2, 3e-4
-"""The distance (in bandwidths) from its mode at which a trajectory, or a mode, stands still."""
+"""When only one trajectory in this many is active, the pass ends; the rest is refined together
+with the modes."""
+TRAJECTORY_TOLERANCE, MODE_TOLERANCE = 1e-2, 3e-4
+"""The distance from the mode, in bandwidths, at which a trajectory, or a refined mode, ends."""
 PERTURBATION = 0.1
-"""A mode is moved by this many bandwidths; a saddle point does not come back."""
+"""The perturbation of a possible saddle point, in bandwidths; a mode attracts it again."""
 ISOLATED = 1e-2
-"""Where the kernel sum without the own point is less than this, the point is a mode by itself.
+"""A point is isolated where the kernel sum without its own term is less than this.
 
-It cannot be a saddle, nothing else can end there, and its trajectory hardly moves."""
+It is a mode and no saddle point, no other trajectory can end there, and its own hardly moves."""
 
 
-class Found(State):
-    """Modes [m, ...], their densities [m], the mode of each point [n] (-1: none), and the way."""
+class SearchResult(State):
+    """The modes of a density.
+
+    Attributes
+    ----------
+    modes
+        The modes [m, ...].
+    densities
+        The kernel densities there [m].
+    labels
+        The mode of each point [n], -1 for none.
+    ascent
+        The trajectories that led there.
+    """
 
     modes: Floats
     densities: Floats
     labels: Integers
-    way: Ascent
+    ascent: Ascent
 
 
-class Search(Record, frozen=True):
-    """What does not change while modes are looked for."""
+class ModeSearch(Record, frozen=True):
+    """The settings of a search for modes, and its steps.
+
+    Attributes
+    ----------
+    manifold, kernel, bandwidth
+        What defines the density (7).
+    merge_within
+        Modes that are nearer than this many bandwidths are merged.
+    max_iterations
+        The largest number of steps of a pass.
+    record
+        Whether to record the trajectories.
+    pool
+        Threads that share the work.
+    """
 
     manifold: Manifold
     kernel: Kernel
@@ -51,111 +78,117 @@ class Search(Record, frozen=True):
     pool: Executor | None = None
 
     def prepare(self, points: Floats, precise: bool = False) -> PreparedPoints:
-        """The ``points`` [n, ...] as what the density is made of."""
-        return self.manifold.prepare(points, self.bandwidth, precise, self.kernel.reach(precise))
+        """The data points [n, ...] of the density."""
+        return self.manifold.prepare(points, self.bandwidth, precise, self.kernel.cutoff(precise))
 
-    def climb(
+    def ascend(
         self,
         prepared: PreparedPoints,
         starts: Floats,
         tolerance: float,
-        thin: Thin | None = None,
+        prune: Prune | None = None,
         record: bool = False,
-        own: bool = False,
+        include_start: bool = False,
     ) -> Ascent:
-        """Move ``starts`` up the density of ``prepared``; with ``thin``, all but the stragglers."""
+        """Run the mean shift loop from ``starts``; with ``prune``, leave out the stragglers."""
         return ascend(
-            self.manifold,
             prepared,
             self.kernel,
             starts,
-            tolerance,
-            self.max_iterations,
-            thin,
-            until=len(starts) // STRAGGLERS if thin else 0,
+            tolerance=tolerance,
+            max_iterations=self.max_iterations,
+            prune=prune,
+            max_unfinished=len(starts) // STRAGGLERS if prune else 0,
+            include_start=include_start,
             record=record,
-            own=own,
             pool=self.pool,
         )
 
     def merge(self, x: Floats, density: Floats, within: float) -> tuple[Floats, Floats, Integers]:
-        """The distinct ones of ``x``, their densities, and which one each became."""
-        kept, joined = merge(self.manifold, x, density, within * self.bandwidth)
-        return x[kept], density[kept], joined
+        """Merge the points ``x`` [n, ...]: the kept ones, their densities, the assignment [n]."""
+        kept, assignment = merge(self.manifold, x, density, within * self.bandwidth)
+        return x[kept], density[kept], assignment
 
-    def polish(self, points: Floats, x: Floats) -> tuple[Floats, Floats, Integers]:
-        """The modes ``x`` in double precision, their densities, and which one each became."""
-        polished = self.climb(self.prepare(points, precise=True), x, MODE_TOLERANCE)
-        return self.merge(polished.x, polished.density, self.merge_within)
+    def refine(self, points: Floats, x: Floats) -> tuple[Floats, Floats, Integers]:
+        """Refine the modes ``x`` in double precision and merge them, as ``merge``."""
+        refined = self.ascend(self.prepare(points, precise=True), x, MODE_TOLERANCE)
+        return self.merge(refined.x, refined.density, self.merge_within)
 
-    def leave_saddles(
+    def escape_saddles(
         self, prepared: PreparedPoints, x: Floats, density: Floats, rng: np.random.Generator
     ) -> tuple[Integers, Floats]:
-        """Which of the ends ``x`` may be saddles, and where perturbed copies of those have gone.
+        """Perturb the ends ``x`` and ascend again, until most have returned to their end.
 
-        A copy climbs until it has come back to its end (or a few are left).
+        Returns the indices of those that have not returned, which may be saddle points, and where
+        their perturbed copies are.
         """
         push = PERTURBATION * self.bandwidth * self.manifold.random_tangent(x, rng)
-        back = _ComeBack(self, x, density)
-        way = self.climb(prepared, self.manifold.exp(x, push), WAY_TOLERANCE, thin=back)
-        away = np.flatnonzero(~back.returned)
-        return away, way.x[away]
+        check = _ReturnCheck(self, x, density)
+        perturbed = self.manifold.exp(x, push)
+        ascent = self.ascend(prepared, perturbed, TRAJECTORY_TOLERANCE, prune=check)
+        escaped = np.flatnonzero(~check.returned)
+        return escaped, ascent.x[escaped]
 
-    def settle(
+    def refine_without_saddles(
         self, points: Floats, x: Floats, copies: Floats, of: Integers
     ) -> tuple[Floats, Floats, Integers]:
-        """As ``polish``, from the ends ``x`` and from ``copies`` that left some ``of`` them.
+        """As ``refine``, given ``copies`` that escaped from some ``of`` the ends ``x``.
 
-        An end whose copy arrives elsewhere was a saddle: it gives way to that.
+        An end whose copy converges elsewhere is a saddle point and replaced by that.
         """
         both = np.concatenate([x, copies])
-        polished = self.climb(self.prepare(points, precise=True), both, MODE_TOLERANCE)
-        last, place = np.arange(len(x)), len(x) + np.arange(len(of))
-        apart = self.manifold.dist(polished.x[of], polished.x[place]) > 0.5 * self.bandwidth
-        last[of[apart]] = place[apart]
-        return self.merge(polished.x[last], polished.density[last], self.merge_within)
+        refined = self.ascend(self.prepare(points, precise=True), both, MODE_TOLERANCE)
+        final, place = np.arange(len(x)), len(x) + np.arange(len(of))
+        saddle = self.manifold.dist(refined.x[of], refined.x[place]) > 0.5 * self.bandwidth
+        final[of[saddle]] = place[saddle]
+        return self.merge(refined.x[final], refined.density[final], self.merge_within)
 
-    def find(self, points: Floats, rng: np.random.Generator) -> Found:
-        """All modes of the density of ``points`` that a trajectory from one of them reaches.
+    def find(self, points: Floats, rng: np.random.Generator) -> SearchResult:
+        """The modes of the density of ``points`` [n, ...] at which a trajectory from one ends.
 
-        Isolated ends stay as they are (in single precision, within 0.01 bandwidths). The others
-        are merged, freed of saddles and polished in double precision, and merged again.
+        Isolated points stay as they are, in single precision, within 0.01 bandwidths of the mode.
+        The other ends are merged, saddle points are dropped, and the modes are refined in double
+        precision and merged again.
         """
         within = FOLLOW_WITHIN * self.bandwidth
-        nearby, prepared = partial(follow, self.manifold, within), self.prepare(points)
-        way = self.climb(prepared, points, WAY_TOLERANCE, thin=nearby, record=self.record)
-        ends, place = np.unique(way.last_leader(), return_inverse=True)
-        lonely = (way.density[ends] * len(points) < 1.0 + ISOLATED) & way.converged[ends]
-        alone, social = ends[lonely], ends[~lonely]
-        kept, first = merge(self.manifold, way.x[social], way.density[social], within)
-        some = social[kept]
-        stood = np.flatnonzero(way.converged[some])
-        away, copies = self.leave_saddles(
-            prepared, way.x[some[stood]], way.density[some[stood]], rng
+        prune, prepared = partial(follow, self.manifold, within), self.prepare(points)
+        ascent = self.ascend(prepared, points, TRAJECTORY_TOLERANCE, prune, self.record)
+        ends, end_of_point = np.unique(ascent.final_leader(), return_inverse=True)
+        isolated = (ascent.density[ends] * len(points) < 1.0 + ISOLATED) & ascent.converged[ends]
+        single, shared = ends[isolated], ends[~isolated]
+        kept, first = merge(self.manifold, ascent.x[shared], ascent.density[shared], within)
+        merged = shared[kept]
+        at_rest = np.flatnonzero(ascent.converged[merged])
+        suspects = merged[at_rest]
+        escaped, copies = self.escape_saddles(
+            prepared, ascent.x[suspects], ascent.density[suspects], rng
         )
-        x, density, second = self.settle(points, way.x[some], copies, stood[away])
+        x, density, second = self.refine_without_saddles(
+            points, ascent.x[merged], copies, at_rest[escaped]
+        )
         mode_of_end = np.empty(len(ends), dtype=np.int64)
-        mode_of_end[~lonely] = second[first]
-        mode_of_end[lonely] = len(x) + np.arange(len(alone))
-        modes = np.concatenate([x, way.x[alone]])
-        densities = np.concatenate([density, way.density[alone]])
-        return Found(modes, densities, mode_of_end[place], way)
+        mode_of_end[~isolated] = second[first]
+        mode_of_end[isolated] = len(x) + np.arange(len(single))
+        modes = np.concatenate([x, ascent.x[single]])
+        densities = np.concatenate([density, ascent.density[single]])
+        return SearchResult(modes, densities, mode_of_end[end_of_point], ascent)
 
 
-class _ComeBack:
-    """Which perturbed copies of the ends ``x`` have returned to them.
+class _ReturnCheck:
+    """Which perturbed copies have returned to their ends ``x``: a ``Prune``.
 
-    One has when it is half as far as it was and not denser: on its way out of a saddle it would be.
+    One has when its distance is half the perturbation and its density no higher than at the end;
+    one that leaves a saddle point gets denser.
     """
 
-    def __init__(self, search: Search, x: Floats, density: Floats) -> None:
+    def __init__(self, search: ModeSearch, x: Floats, density: Floats) -> None:
         self.manifold, self.x, self.density = search.manifold, x, density
         self.within = 0.5 * PERTURBATION * search.bandwidth
         self.returned = np.zeros(len(x), dtype=bool)
 
-    def __call__(self, ascent: Ascent, moving: Integers) -> Mask:
-        """Take out what has returned; returns what has not."""
-        near = self.manifold.dist(ascent.x[moving], self.x[moving]) < self.within
-        back = near & (ascent.density[moving] <= self.density[moving])
-        self.returned[moving] = back
-        return np.asarray(~back)
+    def __call__(self, ascent: Ascent, active: Integers) -> Mask:
+        """Note which copies have returned; the mask of the others."""
+        near = self.manifold.dist(ascent.x[active], self.x[active]) < self.within
+        returned = near & (ascent.density[active] <= self.density[active])
+        self.returned[active] = returned
+        return np.asarray(~returned)

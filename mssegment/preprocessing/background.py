@@ -11,6 +11,8 @@ from typing import Literal
 
 import numpy as np
 
+from mssegment.manifolds import Euclidean
+from mssegment.meanshift import ascend, kernel_named, shift
 from mssegment.models import Flags
 from mssegment.neighbours import nearest
 from mssegment.records import BACKGROUND, OUTLIER, Floats, Integers, Record
@@ -35,9 +37,9 @@ WAVERING, NEIGHBOURS = 2.0, 8
 GRID = 8
 SAMPLE = 500
 """Displacements that the mean shift looks at."""
-CLIMBING = 100
+MAX_STEPS = 100
 """Bound on its steps."""
-NEAR_ENOUGH = 1e-4
+TOLERANCE = 1e-4
 """Bandwidths; a shorter step is the last one."""
 
 
@@ -131,19 +133,21 @@ def camera_path(points: Floats, largest: float) -> Floats:
 
 
 def densest(displacements: Floats) -> Floats:
-    """The mode of the kernel density of the displacements [n, 2] that the densest one climbs to.
+    """The mode of the kernel density of ``displacements`` [n, 2] that the densest one ascends to.
 
-    One pass over all pairs; a mean shift of all of them would find modes that nobody asks for.
+    One pass over all pairs finds the start; mean shift of all of them would find all modes.
     """
-    apart = displacements[:, None] - displacements
-    place = displacements[np.exp(-(apart**2).sum(axis=2) / (2 * BANDWIDTH**2)).sum(axis=1).argmax()]
-    for _ in range(CLIMBING):
-        away = ((displacements - place) ** 2).sum(axis=1)
-        weights = np.exp(-away / (2 * BANDWIDTH**2))
-        before, place = place, weights @ displacements / weights.sum()
-        if np.linalg.norm(place - before) < NEAR_ENOUGH * BANDWIDTH:
-            break
-    return np.asarray(place)
+    prepared, kernel = Euclidean(2).prepare(displacements, BANDWIDTH), kernel_named("gaussian")
+    _, density = shift(prepared, kernel, displacements)
+    found = ascend(
+        prepared,
+        kernel,
+        displacements[[density.argmax()]],
+        tolerance=TOLERANCE,
+        max_iterations=MAX_STEPS,
+        accelerated=False,
+    )
+    return np.asarray(found.x[0])
 
 
 def distances(points: Floats, path: Floats) -> Floats:

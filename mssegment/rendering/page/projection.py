@@ -1,8 +1,8 @@
-"""An honest 2-D view of hypotheses on a manifold, with the paths of mean shift.
+"""A 2-D view of hypotheses on a manifold, with paths of mean shift.
 
-Lines through the origin, G(3,1), lie on a hemisphere and are drawn on its equal-area disc. Any
-other manifold is seen from the tangent space at the strongest mode, along the two directions in
-which the hypotheses of the modes spread most; how much of the spread that shows is said.
+Lines through the origin, G(3,1), are points of a hemisphere, which is drawn as its equal-area disc.
+Any other manifold is projected from the tangent space at the densest mode onto the two directions
+in which the hypotheses of the modes vary most; the share of the variance that they show is kept.
 """
 
 from __future__ import annotations
@@ -11,24 +11,51 @@ import numpy as np
 import numpy.typing as npt
 
 from mssegment.manifolds import Manifold, from_name
+from mssegment.meanshift import KERNELS, Kernel, ascend
 from mssegment.records import Floats, Integers, Record
 from mssegment.rendering.report import Report
 
-MOST_POINTS = 400
-MOST_AXES = 150
+MAX_POINTS = 400
+MAX_TANGENTS = 150
 PATHS = 16
-STEPS = 20
+MAX_STEPS = 20
+PATH_TOLERANCE = 1e-3
+"""A path ends where the mean shift is shorter than this many bandwidths: too short to see."""
 SMALL_MODE = 0.01
-"""A mode with less than this share of the hypotheses has no say in what the view shows."""
+"""Modes with a smaller share of the hypotheses do not affect the choice of the view."""
 
 
 class Projection(Record, frozen=True):
-    """Points [n, 2] of one hypothesis set, NaN where one cannot be shown, within [-1, 1].
+    """The view of one hypothesis set, in coordinates within [-1, 1].
 
-    ``chosen`` [n] are the indices of the hypotheses, ``labels`` [n] the motions of their modes;
-    ``modes`` [m, 2] with ``mode_indices`` into the segmentation's modes; ``shown`` is the share of
-    the spread that the two axes show, None for the hemisphere, which shows all; ``radius`` is
-    what 1 stands for in the tangent space.
+    Attributes
+    ----------
+    manifold
+        The name of the manifold.
+    hemisphere
+        Whether the view is the disc of a hemisphere.
+    points
+        The hypotheses [n, 2], NaN where one cannot be shown.
+    chosen
+        Their indices in the set [n].
+    labels
+        The motions of their modes [n], 0 for none.
+    modes
+        The modes [m, 2], NaN where one cannot be shown.
+    mode_indices
+        Their indices among the segmentation's modes.
+    paths
+        Paths of mean shift, each [steps, 2].
+    path_labels
+        Their motions.
+    shown
+        The share of the variance that the two directions show; None for the hemisphere.
+    radius
+        The length in the tangent space that is drawn as 1.
+    origin
+        Where the base point of the tangent space is drawn.
+    hidden
+        The number of hypotheses that are outside of the view or have no logarithm.
     """
 
     manifold: str
@@ -43,13 +70,14 @@ class Projection(Record, frozen=True):
     shown: float | None
     radius: float
     origin: tuple[float, float]
-    """Where the base of the tangent space appears."""
     hidden: int
-    """How many hypotheses lie outside of the view or have no logarithm."""
 
 
 def project(report: Report, index: int) -> Projection | None:
-    """The view of hypothesis set ``index``; None where there is nothing on its manifold to show."""
+    """The view of hypothesis set ``index``.
+
+    None where it has no hypotheses or modes, or points that do not fit its manifold.
+    """
     chosen_set = report.sets[index]
     modes = [i for i, mode in enumerate(report.segmentation.modes) if mode.set_index == index]
     if not len(chosen_set.points) or not modes:
@@ -61,7 +89,7 @@ def project(report: Report, index: int) -> Projection | None:
     }
     if shapes != {manifold.point_shape}:
         return None
-    step = -(-len(chosen_set.points) // MOST_POINTS)
+    step = -(-len(chosen_set.points) // MAX_POINTS)
     chosen = np.arange(0, len(chosen_set.points), step)
     labels = _labels(report, index, modes)[chosen]
     points = chosen_set.points[chosen]
@@ -76,7 +104,7 @@ def project(report: Report, index: int) -> Projection | None:
         shown, radius, origin = None, 1.0, (0.0, 0.0)
     else:
         flat = _Tangent(
-            manifold, centres[0], _crowd(report, index, chosen), _motions(report, modes)
+            manifold, centres[0], _of_large_modes(report, index, chosen), _motions(report, modes)
         )
         placed, at_modes = flat.place(points), flat.place(centres)
         drawn = tuple(flat.place(path) for path in paths)
@@ -100,13 +128,13 @@ def project(report: Report, index: int) -> Projection | None:
 
 
 def _within(places: Floats) -> tuple[Floats, int]:
-    """Places [n, 2] with NaN where they are outside of the view, and how many those are."""
+    """The places [n, 2], NaN outside of the view, and the number of those."""
     inside = np.max(np.abs(np.nan_to_num(places, nan=np.inf)), axis=1, keepdims=True) <= 1.0
     return np.where(inside, places, np.nan), int(np.sum(~inside))
 
 
 def _labels(report: Report, index: int, modes: list[int]) -> Integers:
-    """The motion of the mode that each hypothesis of a set shifts to, 0 for none."""
+    """The motion of the mode of each hypothesis of a set, 0 for none."""
     count = len(report.sets[index].points)
     if index >= len(report.segmentation.assignments):
         return np.zeros(count, dtype=np.int64)
@@ -118,8 +146,8 @@ def _labels(report: Report, index: int, modes: list[int]) -> Integers:
     return np.asarray(motions[np.where(inside, assignment, -1)], dtype=np.int64)
 
 
-def _crowd(report: Report, index: int, chosen: Integers) -> Floats:
-    """The chosen hypotheses without those that shift to a mode of hardly any."""
+def _of_large_modes(report: Report, index: int, chosen: Integers) -> Floats:
+    """The chosen hypotheses whose mode is not a small one; all of them where there are none."""
     points = report.sets[index].points
     counts = np.array([mode.hypotheses for mode in report.segmentation.modes])
     if index >= len(report.segmentation.assignments):
@@ -127,12 +155,12 @@ def _crowd(report: Report, index: int, chosen: Integers) -> Floats:
     assignment = report.segmentation.assignments[index][chosen]
     inside = (assignment >= 0) & (assignment < len(counts))
     sizes = np.where(inside, counts[np.where(inside, assignment, 0)], 0)
-    crowd = points[chosen[sizes >= SMALL_MODE * len(points)]]
-    return crowd if len(crowd) else points[chosen]
+    large = points[chosen[sizes >= SMALL_MODE * len(points)]]
+    return large if len(large) else points[chosen]
 
 
 def _motions(report: Report, modes: list[int]) -> Floats:
-    """The modes of a set that became motions, the strongest mode first in any case."""
+    """The modes of a set that became motions, after the densest mode of the set."""
     return np.array(
         [
             report.segmentation.modes[i].point
@@ -143,6 +171,7 @@ def _motions(report: Report, modes: list[int]) -> Floats:
 
 
 def _starts(labels: Integers) -> npt.NDArray[np.int64]:
+    """The indices of the hypotheses at which paths start."""
     return np.unique(np.round(np.linspace(0, len(labels) - 1, min(PATHS, len(labels)))).astype(int))
 
 
@@ -153,24 +182,37 @@ def _paths(
     chosen: Integers,
     starts: npt.NDArray[np.int64],
 ) -> list[Floats]:
-    """The paths given with the report, else those of mean shift (9)-(10) from a few hypotheses."""
+    """The paths given with the report, else those of mean shift (10) from a few hypotheses."""
     if index < len(report.trajectories):
         return list(report.trajectories[index])[:PATHS]
-    bandwidths = report.segmentation.bandwidths
-    if index >= len(bandwidths) or not 0 < bandwidths[index] < np.inf:
+    bandwidths, kernel = report.segmentation.bandwidths, _kernel(report)
+    if index >= len(bandwidths) or not 0 < bandwidths[index] < np.inf or kernel is None:
         return []
-    prepared, h = report.sets[index].points[chosen], bandwidths[index]
-    x = prepared[starts]
-    steps = [x]
-    for _ in range(STEPS):
-        weights = np.exp(-0.5 * manifold.pairwise_dist2(x, prepared) / h**2)
-        x = manifold.exp(x, manifold.mean_tangent(x, prepared, weights))
-        steps.append(x)
-    return list(np.stack(steps, axis=1))
+    data = report.sets[index].points[chosen]
+    found = ascend(
+        manifold.prepare(data, bandwidths[index]),
+        kernel,
+        data[starts],
+        tolerance=PATH_TOLERANCE,
+        max_iterations=MAX_STEPS,
+        accelerated=False,
+        record=True,
+    )
+    return [np.stack(path) for path in found.paths()]
+
+
+def _kernel(report: Report) -> Kernel | None:
+    """The kernel in the last history entry that names one; None where it is unknown.
+
+    A report without such an entry was not made by ``cluster``: the default kernel is assumed.
+    """
+    names = [stage.get("settings", {}).get("cluster.kernel", "") for stage in report.history]
+    name = next((name for name in reversed(names) if name), "gaussian")
+    return next((kernel for kernel in KERNELS.values() if kernel.name == name), None)
 
 
 def _on_disc(points: Floats) -> Floats:
-    """Lambert's equal-area map of lines [n, 3, 1] on the half sphere z >= 0, radius 1."""
+    """Lambert's equal-area projection of lines [n, 3, 1], the hemisphere z >= 0, to radius 1."""
     vectors = points.reshape(len(points), 3)
     vectors = np.where(vectors[:, 2:] < 0, -vectors, vectors)
     vectors = vectors / np.maximum(np.linalg.norm(vectors, axis=1, keepdims=True), 1e-12)
@@ -178,28 +220,29 @@ def _on_disc(points: Floats) -> Floats:
 
 
 class _Tangent:
-    """The two directions of widest spread in the tangent space at ``base``.
+    """The two principal directions of ``points`` in the tangent space at ``base``.
 
-    The view holds nearly all of ``points``, and all of ``motions``.
+    The view contains nearly all of ``points``, and all of ``motions``.
     """
 
     def __init__(self, manifold: Manifold, base: Floats, points: Floats, motions: Floats) -> None:
         self.manifold, self.base = manifold, base
         tangents = self._log(points)
         tangents = tangents[np.isfinite(tangents).reshape(len(tangents), -1).all(axis=1)]
-        self.frame = tangents[:: max(1, -(-len(tangents) // MOST_AXES))]
+        self.frame = tangents[:: max(1, -(-len(tangents) // MAX_TANGENTS))]
         gram = manifold.inner(base, self.frame[:, None], self.frame[None])
         values, vectors = np.linalg.eigh(gram) if len(self.frame) else (np.zeros(0), gram)
         values, vectors = np.maximum(values[::-1], 0.0), vectors[:, ::-1]
         self.axes = vectors[:, :2] / np.sqrt(np.maximum(values[:2], 1e-300))
         self.shown = float(values[:2].sum() / values.sum()) if values.sum() > 0 else 1.0
         self.centre, self.radius = np.zeros(2), 1.0
-        places, must = self.place(points), self.place(motions)
+        places, required = self.place(points), self.place(motions)
         places = places[np.isfinite(places).all(axis=1)]
-        must = np.concatenate([np.zeros((1, 2)), must[np.isfinite(must).all(axis=1)]])
+        required = np.concatenate([np.zeros((1, 2)), required[np.isfinite(required).all(axis=1)]])
         if len(places):
             low, high = np.quantile(places, [0.02, 0.98], axis=0)
-            low, high = np.minimum(low, must.min(axis=0)), np.maximum(high, must.max(axis=0))
+            low = np.minimum(low, required.min(axis=0))
+            high = np.maximum(high, required.max(axis=0))
             self.centre = (low + high) / 2
             self.radius = 0.6 * float((high - low).max()) or 1.0
         self.origin = (float(-self.centre[0]) / self.radius, float(-self.centre[1]) / self.radius)
@@ -209,13 +252,13 @@ class _Tangent:
             return self.manifold.log(np.broadcast_to(self.base, points.shape), points)
 
     def place(self, points: Floats) -> Floats:
-        """Where points [n, ...] appear, [n, 2]; NaN without a logarithm."""
+        """Where points [n, ...] are drawn [n, 2]; NaN without a logarithm."""
         tangents = self._log(points)
         placed = np.full((len(points), 2), np.nan)
-        fine = np.isfinite(tangents).reshape(len(points), -1).all(axis=1)
+        valid = np.isfinite(tangents).reshape(len(points), -1).all(axis=1)
         if len(self.frame):
-            products = self.manifold.inner(self.base, tangents[fine][:, None], self.frame[None])
+            products = self.manifold.inner(self.base, tangents[valid][:, None], self.frame[None])
             flat = products @ self.axes
-            placed[fine, : flat.shape[1]] = flat
-            placed[fine, flat.shape[1] :] = 0.0
+            placed[valid, : flat.shape[1]] = flat
+            placed[valid, flat.shape[1] :] = 0.0
         return (placed - self.centre) / self.radius

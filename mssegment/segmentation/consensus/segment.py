@@ -15,8 +15,7 @@ import numpy as np
 from mssegment import manifolds
 from mssegment.geometry.robust import geman_mcclure_weights
 from mssegment.manifolds import Manifold
-from mssegment.meanshift import kernel_named, nearest_neighbour_bandwidth
-from mssegment.meanshift.ascent import shift
+from mssegment.meanshift import ascend, kernel_named, nearest_neighbour_bandwidth
 from mssegment.models import MODELS, Flags
 from mssegment.records import (
     OUTLIER,
@@ -44,7 +43,7 @@ MODE_NOTE = (
 MODE_SAMPLE = 300
 """So many hypotheses of a set tell the density; the bandwidth needs half of them."""
 TOLERANCE, MOST_STEPS = 1e-2, 200
-"""Mean shift ends when the shift is below so many bandwidths, or after so many steps."""
+"""A trajectory ends when its shift is below this many bandwidths, or after this many steps."""
 PLANAR = 1.25
 """A motion is planar if rank 3 leaves at most so many times the residual of rank 4."""
 REWEIGHTINGS = 5
@@ -223,12 +222,13 @@ def _modes(
 def climb(
     manifold: Manifold, points: Floats, starts: Floats, bandwidth: float, kernel: str
 ) -> tuple[Floats, Floats]:
-    """Where mean shift (10) arrives from ``starts`` [m, ...], and the kernel density (7) there."""
-    prepared, shape = manifold.prepare(points, bandwidth), kernel_named(kernel)
-    x = np.array(starts)
-    for _ in range(MOST_STEPS):
-        step, density = shift(prepared, shape, x)
-        if (manifold.norm(x, step) <= TOLERANCE * bandwidth).all():
-            break
-        x = manifold.exp(x, step)
-    return x, density
+    """The modes that mean shift (10) reaches from ``starts`` [m, ...], and their densities (7)."""
+    found = ascend(
+        manifold.prepare(points, bandwidth),
+        kernel_named(kernel),
+        starts,
+        tolerance=TOLERANCE,
+        max_iterations=MOST_STEPS,
+        accelerated=False,
+    )
+    return found.x, found.density
