@@ -1,4 +1,4 @@
-"""The names of motion models and readers: each is one file in its package and one line here.
+"""The names of manifolds, kernels, models, selections and readers: one line each.
 
 Nothing is imported before a name is looked up, so that option choices and help texts, which are
 made from the names, cost no start-up time.
@@ -40,6 +40,39 @@ class Registry(Mapping[str, T], Generic[T]):
         """The number of names."""
         return len(self._places)
 
+
+MANIFOLDS: Registry[Any] = Registry(
+    "manifold",
+    {
+        "euclidean": "mssegment.manifolds.euclidean:Euclidean",
+        "grassmann": "mssegment.manifolds.grassmann:Grassmann",
+        "affine": "mssegment.manifolds.affine:AffineGroup",
+        "special_linear": "mssegment.manifolds.sl3:SL3",
+        "special_euclidean(2)": "mssegment.manifolds.se2:SE2",
+        "special_euclidean(3)": "mssegment.manifolds.se3:SE3",
+    },
+)
+"""The manifolds by the name of their family, or by name and first argument where the members of a
+family have classes of their own."""
+
+KERNELS: Registry[Any] = Registry(
+    "kernel",
+    {
+        "gaussian": "mssegment.meanshift.kernels:GAUSSIAN",
+        "truncated": "mssegment.meanshift.kernels:TRUNCATED",
+        "epanechnikov": "mssegment.meanshift.kernels:EPANECHNIKOV",
+    },
+)
+"""The kernels of mean shift (``cluster.kernel``)."""
+
+SELECTIONS: Registry[Any] = Registry(
+    "selection",
+    {
+        "mdl": "mssegment.segmentation.mdl:mdl",
+        "dominance": "mssegment.segmentation.dominant_modes:dominance",
+    },
+)
+"""How modes become motions (``segment.selection``)."""
 
 MODELS: Registry[Any] = Registry(
     "motion model",

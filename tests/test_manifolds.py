@@ -11,7 +11,7 @@ from hypothesis.extra import numpy as hnp
 from mssegment import manifolds
 from mssegment.errors import ConfigurationError, DataError
 from mssegment.manifolds import (
-    REGISTRY,
+    MANIFOLDS,
     SE2,
     SE3,
     SL3,
@@ -22,7 +22,7 @@ from mssegment.manifolds import (
     from_name,
 )
 
-NAMES = [name for family in REGISTRY.values() for name in family.examples]
+NAMES = [name for family in MANIFOLDS.values() for name in family.examples]
 
 
 @pytest.fixture(params=NAMES)
@@ -47,7 +47,7 @@ def test_name_is_the_inverse_of_from_name(manifold):
 
 
 def test_every_family_is_exported_and_has_examples():
-    for name, family in REGISTRY.items():
+    for name, family in MANIFOLDS.items():
         assert getattr(manifolds, family.__name__) is family
         assert family.__name__ in manifolds.__all__
         assert family.examples

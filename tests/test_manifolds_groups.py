@@ -8,12 +8,12 @@ import scipy.linalg
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mssegment.manifolds import REGISTRY, SL3, AffineGroup, Manifold, MatrixGroup, from_name
+from mssegment.manifolds import MANIFOLDS, SL3, AffineGroup, Manifold, MatrixGroup, from_name
 
 IDENTITY = np.eye(3)
 GROUPS = [
     group
-    for family in REGISTRY.values()
+    for family in MANIFOLDS.values()
     for group in map(from_name, family.examples)
     if isinstance(group, MatrixGroup)
 ]

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from mssegment.errors import ConfigurationError, DataError
-from mssegment.manifolds import REGISTRY, Grassmann, Manifold, from_name
+from mssegment.manifolds import MANIFOLDS, Grassmann, Manifold, from_name
 from mssegment.meanshift import KERNELS, MeanShift, kernel_named, mean_shift_to_convergence
 from mssegment.meanshift.ascent import OVERRELAXATION, ascend, shift
 
-NAMES = [name for family in REGISTRY.values() for name in family.examples]
+NAMES = [name for family in MANIFOLDS.values() for name in family.examples]
 EXACT = [name for name in NAMES if from_name(name).exact_gradient]
 WIDE = [name for name in NAMES if from_name(name).dim > 1]
 """On a line the scattered points cover the clusters."""

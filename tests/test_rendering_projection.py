@@ -7,7 +7,7 @@ import pytest
 
 from mssegment.manifolds import Euclidean
 from mssegment.meanshift import KERNELS
-from mssegment.records import Floats, HypothesisSet, Mode, Normalization, Segmentation, Tracks
+from mssegment.records import ClusterResult, Floats, HypothesisSet, Mode, Normalization, Tracks
 from mssegment.rendering.page.projection import MAX_STEPS, PATH_TOLERANCE, _paths, project
 from mssegment.rendering.report import Report, build_report
 
@@ -23,7 +23,7 @@ def plane_report(points: Floats, history: list[dict[str, object]]) -> Report:
     modes = (Mode(0, count, 0.5, np.zeros(2), 1),)
     assignments = (np.zeros(count, dtype=np.int64),)
     nothing = np.zeros(0, dtype=np.int64)
-    found = Segmentation(nothing, modes, (), (BANDWIDTH,), np.zeros((0, 0)), assignments)
+    found = ClusterResult(nothing, modes, (), (BANDWIDTH,), np.zeros((0, 0)), assignments)
     tracks = Tracks(np.zeros((0, 2, 2)))
     return build_report(
         frames=[], tracks=tracks, sets=[chosen], segmentation=found, history=history

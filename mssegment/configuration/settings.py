@@ -16,16 +16,20 @@ from msgspec import Meta
 from mssegment.errors import ConfigurationError, MssegmentError
 from mssegment.imaging.matching import MATCHERS, default_matcher
 from mssegment.records import Record
-from mssegment.registry import MODELS
+from mssegment.registry import KERNELS, MODELS, SELECTIONS
 
 Auto = Literal["auto"]
 
 if TYPE_CHECKING:
     ModelName = str
     MatcherName = str
+    KernelName = str
+    SelectionName = str
 else:
     ModelName = Literal["auto", *MODELS]
     MatcherName = Literal["auto", *MATCHERS]
+    KernelName = Literal[*KERNELS]
+    SelectionName = Literal[*SELECTIONS]
 
 
 class Section(msgspec.Struct, frozen=True, kw_only=True):
@@ -189,7 +193,7 @@ class ClusterSettings(Section, frozen=True):
         Meta(description="Bandwidth h of the kernel; auto: from nearest-neighbour distances."),
     ] = "auto"
     kernel: Annotated[
-        Literal["gaussian", "truncated", "epanechnikov"],
+        KernelName,
         Meta(description="Kernel profile; truncated: a Gaussian that reaches zero at 3 h."),
     ] = "gaussian"
 
@@ -198,7 +202,7 @@ class SegmentSettings(Section, frozen=True):
     """From modes to motions."""
 
     selection: Annotated[
-        Literal["mdl", "dominance"],
+        SelectionName,
         Meta(
             description="Rule that selects the motions; mdl: minimum description length; "
             "dominance: the most dominant modes, as in the paper."

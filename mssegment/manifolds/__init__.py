@@ -1,4 +1,4 @@
-"""The manifolds on which mean shift runs: one file each, and the registry of their names.
+"""The manifolds on which mean shift runs: one file each, named in ``registry.py``.
 
 In Python code construct a manifold directly, ``Grassmann(10, 3)``; :func:`from_name` is for names
 in documents and settings.
@@ -17,17 +17,7 @@ from mssegment.manifolds.matrix_group import MatrixGroup
 from mssegment.manifolds.se2 import SE2 as SE2
 from mssegment.manifolds.se3 import SE3 as SE3
 from mssegment.manifolds.sl3 import SL3 as SL3
-
-REGISTRY: dict[str, type[Manifold]] = {
-    "euclidean": Euclidean,
-    "grassmann": Grassmann,
-    "affine": AffineGroup,
-    "special_linear": SL3,
-    "special_euclidean(2)": SE2,
-    "special_euclidean(3)": SE3,
-}
-"""The classes by the name of their family, or by name and first argument where the members of a
-family have classes of their own."""
+from mssegment.registry import MANIFOLDS
 
 
 def from_name(name: str) -> Manifold:
@@ -48,15 +38,16 @@ def from_name(name: str) -> Manifold:
     parts = re.fullmatch(r"\s*(\w+)\s*\(([\w\s,]*)\)\s*", name)
     arguments = tuple(a.strip() for a in parts.group(2).split(",")) if parts else ()
     member = f"{parts.group(1)}({arguments[0]})" if parts else ""
-    found = REGISTRY.get(parts.group(1), REGISTRY.get(member)) if parts else None
+    found = MANIFOLDS.get(parts.group(1)) or MANIFOLDS.get(member) if parts else None
     if found is None:
-        known = ", ".join(each.examples[0] for each in REGISTRY.values())
+        known = ", ".join(each.examples[0] for each in MANIFOLDS.values())
         raise ConfigurationError(f"no manifold is called {name!r}; names look like {known}")
-    return found.from_arguments(arguments)
+    manifold: Manifold = found.from_arguments(arguments)
+    return manifold
 
 
 __all__ = [
-    "REGISTRY",
+    "MANIFOLDS",
     "Array",
     "KernelBlock",
     "Manifold",
@@ -64,4 +55,4 @@ __all__ = [
     "PreparedPoints",
     "from_name",
 ]
-__all__ += [each.__name__ for each in REGISTRY.values()]
+__all__ += ["SE2", "SE3", "SL3", "AffineGroup", "Euclidean", "Grassmann"]

@@ -1,7 +1,7 @@
 """The interface of a manifold, and defaults that need only ``log``.
 
 A new manifold is one file with a subclass of :class:`Manifold` and one line in
-``manifolds.REGISTRY`` (besides the import); the law tests then run on it.
+``MANIFOLDS`` of ``registry.py``; the law tests then run on it.
 
 Points and tangents are arrays with any leading batch axes; a tangent has the shape of a point.
 Methods broadcast over the batch axes unless they state shapes.

@@ -6,8 +6,9 @@
 from mssegment.meanshift.ascent import ascend, shift
 from mssegment.meanshift.bandwidth import nearest_neighbour_bandwidth
 from mssegment.meanshift.estimator import MeanShift
-from mssegment.meanshift.kernels import KERNELS, Kernel, kernel_named
+from mssegment.meanshift.kernels import Kernel, kernel_named
 from mssegment.meanshift.reference import mean_shift_to_convergence
+from mssegment.registry import KERNELS
 
 __all__ = [
     "KERNELS",

@@ -9,6 +9,7 @@ import numpy as np
 
 from mssegment.errors import ConfigurationError
 from mssegment.manifolds import Array
+from mssegment.registry import KERNELS
 
 
 class Kernel(ABC):
@@ -17,7 +18,7 @@ class Kernel(ABC):
     Attributes
     ----------
     name
-        The name in :data:`KERNELS`.
+        The name in ``registry.KERNELS``.
     """
 
     name: ClassVar[str]
@@ -137,8 +138,7 @@ class Epanechnikov(Kernel):
         return (z < 1).astype(z.dtype), self.profile(z).sum(axis=1)
 
 
-KERNELS: dict[str, Kernel] = {k.name: k for k in (Gaussian(), TruncatedGaussian(), Epanechnikov())}
-"""The kernels by name."""
+GAUSSIAN, TRUNCATED, EPANECHNIKOV = Gaussian(), TruncatedGaussian(), Epanechnikov()
 
 
 def kernel_named(name: str) -> Kernel:
@@ -157,4 +157,5 @@ def kernel_named(name: str) -> Kernel:
     if name not in KERNELS:
         known = ", ".join(KERNELS)
         raise ConfigurationError(f"no kernel is called {name!r}: use one of {known}")
-    return KERNELS[name]
+    kernel: Kernel = KERNELS[name]
+    return kernel

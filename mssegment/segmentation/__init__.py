@@ -6,16 +6,12 @@ import numpy as np
 
 from mssegment.errors import DataError, UsageError
 from mssegment.records import OUTLIER, ClusterResult, Floats, Hypotheses, Integers
-from mssegment.segmentation.dominant_modes import dominance
-from mssegment.segmentation.mdl import mdl
+from mssegment.registry import SELECTIONS
 from mssegment.segmentation.mode_based import segment_by_modes
 from mssegment.segmentation.options import SegmentOptions, check_options
 from mssegment.segmentation.selection import Selection
 
 __all__ = ["SELECTIONS", "SegmentOptions", "check_options", "cluster"]
-
-SELECTIONS: dict[str, Selection] = {"mdl": mdl, "dominance": dominance}
-"""How modes become motions, by name (``segment.selection``)."""
 
 STANDARD = SegmentOptions()
 
@@ -61,7 +57,7 @@ def cluster(
         from mssegment.segmentation.consensus import segment_by_consensus
 
         return segment_by_consensus(points, hypotheses, status=status, options=options, rng=rng)
-    select = SELECTIONS[options.selection]
+    select: Selection = SELECTIONS[options.selection]
     if hypotheses.strategy == "mixture":
         from mssegment.segmentation.mixture import mixture as select
     return segment_by_modes(
