@@ -56,3 +56,12 @@ __all__ = [
     "from_name",
 ]
 __all__ += ["SE2", "SE3", "SL3", "AffineGroup", "Euclidean", "Grassmann"]
+
+
+def __getattr__(name: str) -> type[Manifold]:
+    """The class of a registered manifold, also of those that are not imported above."""
+    for each in MANIFOLDS.values():
+        if each.__name__ == name:
+            found: type[Manifold] = each
+            return found
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
