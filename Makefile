@@ -13,18 +13,18 @@ EPOCH = $(shell git log -1 --format=%ct 2>/dev/null || echo 1577836800)
 help: ## list the targets
 	@grep -E '^[a-z]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 12
 
-$(BIN)/mssegment: pyproject.toml
+$(VENV)/.installed: pyproject.toml
 	$(PYTHON) -m venv $(VENV)
 	$(BIN)/python -m pip install --quiet --upgrade pip
 	PYTHONWARNINGS=ignore $(BIN)/python -m pip install --quiet --editable .
 	@touch $@
 
 # one stamp for each choice of extras
-$(VENV)/.extra-%: $(BIN)/mssegment
+$(VENV)/.extra-%: $(VENV)/.installed
 	PYTHONWARNINGS=ignore $(BIN)/python -m pip install --quiet --editable '.[$*]'
 	@touch $@
 
-demo: $(BIN)/mssegment ## make the environment, segment the three sample scenes, say where the pictures are
+demo: $(VENV)/.installed ## make the environment, segment the three sample scenes, say where the pictures are
 	@for model in translation factorization affine; do \
 		echo; echo "== $$model"; \
 		$(BIN)/mssegment run configs/$$model.yaml --out $(OUT)/$$model --force --format text || exit; \
@@ -51,7 +51,7 @@ dist: $(VENV)/.extra-dist ## build sdist and wheel twice, and check that their b
 	@for file in dist/*.*; do cmp $$file dist/again/$${file##*/} || exit; done
 	@rm -r dist/again; ls -l dist
 
-pictures: $(BIN)/mssegment ## make the pictures of the README anew
+pictures: $(VENV)/.installed ## make the pictures of the README anew
 	$(BIN)/python -m docs.pictures
 
 benchmarks: $(VENV)/.extra-$(EXTRAS) ## the paper's set-ups; see docs/benchmarks.md for the others
