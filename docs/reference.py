@@ -32,29 +32,15 @@ def settings_table() -> str:
     """The table of the README: key, option, commands, values, default, meaning."""
     rows = ["| key | option | commands | values | default | |", "|---|---|---|---|---|---|"]
     for key, setting in KEYS.items():
-        option = f"`{option_of(key) or '--set'}`"
-        names = ", ".join(commands_of(key)) or "run"
+        commands = [name for name in COMMANDS if key in _keys_of(name)]
+        option = f"`{flag_of(key)}`" if commands else "`--set`"
+        names = ", ".join(commands) or "run"
         values = setting.choices.replace("|", "\\|")
-        default = "" if setting.default in (None, []) else f"`{shown(setting.default)}`"
+        default = "" if setting.default in (None, []) else f"`{_shown(setting.default)}`"
         rows.append(
             f"| `{key}` | {option} | {names} | `{values}` | {default} | {setting.description} |"
         )
     return "\n".join(rows)
-
-
-def commands_of(key: str) -> list[str]:
-    """The commands with an option for a key."""
-    return [name for name in COMMANDS if key in _keys_of(name)]
-
-
-def option_of(key: str) -> str | None:
-    """The option for a key; None where only ``--set`` reaches it."""
-    return flag_of(key) if commands_of(key) else None
-
-
-def shown(value: object) -> str:
-    """A default as a user writes it."""
-    return {True: "yes", False: "no"}[value] if isinstance(value, bool) else str(value)
 
 
 def readme_with_table(text: str) -> str:
@@ -62,6 +48,10 @@ def readme_with_table(text: str) -> str:
     before, rest = text.split(BEGIN)
     _, after = rest.split(END)
     return f"{before}{BEGIN}\n{settings_table()}\n{END}{after}"
+
+
+def _shown(value: object) -> str:
+    return {True: "yes", False: "no"}[value] if isinstance(value, bool) else str(value)
 
 
 def _keys_of(name: str) -> set[str]:

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from itertools import groupby
 
-from docs.reference import commands_of, option_of, shown
+from docs.reference import _keys_of, _shown
+from mssegment.cli import COMMANDS
+from mssegment.cli.common import flag_of
 from mssegment.configuration import KEYS
 
 HEAD = """\
@@ -29,9 +31,9 @@ def settings_page() -> str:
 
 def _row(key: str) -> str:
     setting = KEYS[key]
-    option = option_of(key)
-    where = f"<br>`{option}` of {', '.join(commands_of(key))}" if option else ""
+    commands = [name for name in COMMANDS if key in _keys_of(name)]
+    where = f"<br>`{flag_of(key)}` of {', '.join(commands)}" if commands else ""
     values = " or ".join(f"`{value}`" for value in setting.choices.split("|"))
     limits = setting.expected.removeprefix(setting.choices)
-    default = "" if setting.default in (None, []) else f"`{shown(setting.default)}`"
+    default = "" if setting.default in (None, []) else f"`{_shown(setting.default)}`"
     return f"| `{key}`{where} | {values}{limits} | {default} | {setting.description} |"
