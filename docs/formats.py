@@ -54,6 +54,8 @@ REPORT_FIELDS = {
 
 
 FIELDS = {
+    "strategy": "How hypotheses become motions: `modes`, `mixture` or `consensus`.",
+    "partition": "How consensus groups the tracks; null for the other strategies.",
     "status": "0 for a track that is to be segmented, -1 for background, -2 for not judged.",
     "labels": "One per track: 1, 2, ... for a motion, 0 outlier, -1 background, -2 not judged.",
     "bandwidths": "The bandwidth of each set of hypotheses, in the distance of its manifold.",

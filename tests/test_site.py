@@ -137,7 +137,9 @@ def test_the_api_reference_has_every_module() -> None:
 
 def test_contributing_has_the_layers_of_the_architecture() -> None:
     rows = re.findall(r"^\| \d+ \| ([^|]+) \|", text_of("CONTRIBUTING.md"), re.MULTILINE)
-    assert [set(re.findall(r"`(\w+)`", row)) for row in rows] == LAYERS
+    described = [set(re.findall(r"`(\w+)`", row)) for row in rows]
+    assert len(described) == len(LAYERS)
+    assert all(layer <= row for layer, row in zip(LAYERS, described, strict=True))
 
 
 def test_the_exit_statuses_are_those_of_the_program() -> None:
