@@ -64,7 +64,6 @@ def test_every_reference_to_the_code_is_there(page: str) -> None:
 @pytest.mark.parametrize("page", [page for page in PAGES if "```python\n" in text_of(page)])
 def test_the_python_of_a_page_runs(page: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(ROOT)
-    monkeypatch.setattr(manifolds, "REGISTRY", manifolds.REGISTRY.copy())
     blocks = re.findall(r"```python\n(.*?)```", text_of(page), re.DOTALL)
     namespace: dict[str, object] = {}
     for block in blocks:
