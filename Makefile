@@ -4,46 +4,58 @@ VENV ?= .venv
 BIN := $(VENV)/bin
 OUT ?= mssegment-out
 EXTRAS ?= dev
+# The time of the last commit: the same sources give the same bytes
+EPOCH = $(shell git log -1 --format=%ct 2>/dev/null || echo 1577836800)
 
-.PHONY: help demo test lint docs pictures benchmarks clean
+.PHONY: help demo test lint docs dist pictures benchmarks clean
 .DEFAULT_GOAL := help
 
 help: ## list the targets
 	@grep -E '^[a-z]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 12
 
-$(BIN)/mssegment: pyproject.toml
+$(VENV)/.installed: pyproject.toml
 	$(PYTHON) -m venv $(VENV)
 	$(BIN)/python -m pip install --quiet --upgrade pip
 	PYTHONWARNINGS=ignore $(BIN)/python -m pip install --quiet --editable .
 	@touch $@
 
-$(VENV)/.dev: $(BIN)/mssegment
-	PYTHONWARNINGS=ignore $(BIN)/python -m pip install --quiet --editable '.[$(EXTRAS)]'
+# one stamp for each choice of extras
+$(VENV)/.extra-%: $(VENV)/.installed
+	PYTHONWARNINGS=ignore $(BIN)/python -m pip install --quiet --editable '.[$*]'
 	@touch $@
 
-demo: $(BIN)/mssegment ## make the environment, segment the three sample scenes, say where the pictures are
+demo: $(VENV)/.installed ## make the environment, segment the three sample scenes, say where the pictures are
 	@for model in translation factorization affine; do \
 		echo; echo "== $$model"; \
 		$(BIN)/mssegment run configs/$$model.yaml --out $(OUT)/$$model --force --format text || exit; \
 	done
 	@echo; echo "Pictures and pages:"; ls $(OUT)/*/*.png $(OUT)/*/report.html
 
-test: $(VENV)/.dev ## run all tests
+test: $(VENV)/.extra-$(EXTRAS) ## run all tests, doctests included
 	$(BIN)/python -m pytest
 
-lint: $(VENV)/.dev ## formatting, lint, types
+lint: $(VENV)/.extra-$(EXTRAS) ## formatting, lint, types
 	$(BIN)/ruff format --check .
 	$(BIN)/ruff check .
 	$(BIN)/mypy
 
-docs: $(VENV)/.dev ## write the reference of commands and settings anew
+docs: $(VENV)/.extra-docs ## write the generated references anew, and the site into site/
 	$(BIN)/python -m docs.reference
+	SOURCE_DATE_EPOCH=$(EPOCH) NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --strict --quiet
+	@echo "the site is site/index.html"
 
-pictures: $(BIN)/mssegment ## make the pictures of the README anew
+dist: $(VENV)/.extra-dist ## build sdist and wheel twice, and check that their bytes are equal
+	rm -rf dist
+	SOURCE_DATE_EPOCH=$(EPOCH) $(BIN)/python -m build --no-isolation --outdir dist .
+	SOURCE_DATE_EPOCH=$(EPOCH) $(BIN)/python -m build --no-isolation --outdir dist/again .
+	@for file in dist/*.*; do cmp $$file dist/again/$${file##*/} || exit; done
+	@rm -r dist/again; ls -l dist
+
+pictures: $(VENV)/.installed ## make the pictures of the README anew
 	$(BIN)/python -m docs.pictures
 
-benchmarks: $(VENV)/.dev ## the paper's set-ups; see docs/benchmarks.md for the others
+benchmarks: $(VENV)/.extra-$(EXTRAS) ## the paper's set-ups; see docs/benchmarks.md for the others
 	$(BIN)/python -m benchmarks.paper
 
 clean: ## remove the environment and all results
-	rm -rf $(VENV) $(OUT)
+	rm -rf $(VENV) $(OUT) dist site
