@@ -7,8 +7,8 @@ from itertools import pairwise
 
 from docs.api import is_text, source_of
 from docs.docstrings import prose
-from mssegment.manifolds import REGISTRY, Manifold, from_name
-from mssegment.models import MODELS, MotionModel, make
+from mssegment.manifolds import MANIFOLDS, Manifold, from_name
+from mssegment.models import EVIDENCE, MODELS, MotionModel, make
 
 MODELS_HEAD = """\
 # Motion models
@@ -19,6 +19,12 @@ one](extending.md#a-motion-model) is described step by step.
 
 | model | manifold | dimension | elemental subset | frames | camera |
 |---|---|---|---|---|---|
+"""
+EVIDENCE_HEAD = """\
+## Further models
+
+These models cannot be chosen; long sequences use their hypotheses as evidence of which tracks
+belong together.
 """
 MANIFOLDS_HEAD = """\
 # Manifolds
@@ -34,12 +40,14 @@ by its name. [How to add one](extending.md#a-manifold) is described step by step
 def models_page() -> str:
     """Every motion model in the registry with its facts."""
     rows = [_model_row(name, _typical(name)) for name in MODELS]
-    return MODELS_HEAD + "\n".join([*rows, "", *(_section(*entry) for entry in MODELS.items())])
+    sections = [_section(name, cls, f"For {cls.purpose}. ") for name, cls in MODELS.items()]
+    further = [_section(*entry) for entry in EVIDENCE.items()]
+    return MODELS_HEAD + "\n".join([*rows, "", *sections, EVIDENCE_HEAD, *further])
 
 
 def manifolds_page() -> str:
     """Every manifold in the registry with its facts and traits."""
-    members = [from_name(name) for family in REGISTRY.values() for name in family.examples]
+    members = [from_name(name) for family in MANIFOLDS.values() for name in family.examples]
     traits = {
         name: text
         for name, text in documented_attributes(Manifold).items()
@@ -48,7 +56,7 @@ def manifolds_page() -> str:
     rows = [_manifold_row(member, list(traits)) for member in members]
     meanings = [f"- `{name}`: {text}" for name, text in traits.items()]
     parts = [*rows, "\n## Traits\n", "The law tests check each trait.\n", *meanings, ""]
-    return MANIFOLDS_HEAD + "\n".join([*parts, *(_section(*entry) for entry in REGISTRY.items())])
+    return MANIFOLDS_HEAD + "\n".join([*parts, *(_section(*entry) for entry in MANIFOLDS.items())])
 
 
 def documented_attributes(cls: type) -> dict[str, str]:
@@ -82,6 +90,6 @@ def _manifold_row(member: Manifold, traits: list[str]) -> str:
     return f"| `{member.name}` | {member.dim} | {shape} | {own} |"
 
 
-def _section(name: str, cls: type) -> str:
+def _section(name: str, cls: type, purpose: str = "") -> str:
     reference = f"API: [`{cls.__name__}`][{cls.__module__}.{cls.__qualname__}]."
-    return f"## {name}\n\n{prose(cls)}\n\n{reference}\n"
+    return f"## {name}\n\n{prose(cls)}\n\n{purpose}{reference}\n"
