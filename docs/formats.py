@@ -53,22 +53,6 @@ REPORT_FIELDS = {
 """The keys of report.json, whose values are built by hand: type and meaning."""
 
 
-FIELDS = {
-    "strategy": "How hypotheses become motions: `modes`, `mixture` or `consensus`.",
-    "partition": "How consensus groups the tracks; null for the other strategies.",
-    "status": "0 for a track that is to be segmented, -1 for background, -2 for not judged.",
-    "labels": "One per track: 1, 2, ... for a motion, 0 outlier, -1 background, -2 not judged.",
-    "bandwidths": "The bandwidth of each set of hypotheses, in the distance of its manifold.",
-    "notes": "Sentences for the user: what was decided, and what could not be.",
-    "residuals": "Residual of each track from each motion, in pixels; null where there is none.",
-    "assignments": "The mode of each hypothesis of each set; -1 for none.",
-    "stage": "The command.",
-    "version": "The version of the program.",
-    "settings": "The settings that change the result of the stage, by key.",
-}
-"""The meaning of a field where neither its docstring nor its type gives one."""
-
-
 def formats_page() -> str:
     """The JSON documents: every type with its fields, and report.json."""
     parts = [
@@ -103,7 +87,7 @@ def field_meaning(kind: type[msgspec.Struct], name: str, hint: Any) -> tuple[str
             shape = re.search(r"\[[^\]]*\]", stated)
             return text, shape[0] if shape else ""
     records = [record for record in _structs_in(hint) if record.__doc__]
-    return FIELDS.get(name) or (summary(records[0]) if records else ""), ""
+    return summary(records[0]) if records else "", ""
 
 
 def _document_section(schema: str, kind: type[Document]) -> str:

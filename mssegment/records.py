@@ -197,9 +197,17 @@ class HypothesisSet(Record, frozen=True):
 class Hypotheses(Record, frozen=True):
     """All sets of hypotheses of a scene, and the strategy that they were drawn for.
 
-    ``modes``: motions are selected among the modes of the hypotheses. ``mixture``: modes of a long
-    sequence start a mixture of Student t distributions. ``consensus``: tracks are grouped by the
-    hypotheses that they agree on, in the way that ``partition`` says.
+    Attributes
+    ----------
+    strategy : {"modes", "mixture", "consensus"}
+        ``modes``: motions are selected among the modes of the hypotheses. ``mixture``: the modes of
+        a long sequence start a mixture of Student t distributions. ``consensus``: tracks that the
+        same hypotheses fit best are grouped.
+    sets : tuple of HypothesisSet
+        The hypotheses.
+    partition : {"spectral", "normalized_cuts", "average_linkage"} or None
+        How consensus groups the tracks: complete ones, incomplete ones, or those before a static
+        camera; None for the other strategies.
     """
 
     strategy: Strategy

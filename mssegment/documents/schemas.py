@@ -42,7 +42,19 @@ from mssegment.records import (
 
 
 class HistoryEntry(Record, frozen=True):
-    """One stage of the processing: its version, the settings that affect it, and its notes."""
+    """One stage of the processing: its version, the settings that affect it, and its notes.
+
+    Attributes
+    ----------
+    stage : str
+        The command.
+    version : str
+        The version of the program.
+    settings : dict
+        The settings that change the result of the stage, by key.
+    notes : tuple of str
+        What was decided, and what could not be.
+    """
 
     stage: str
     version: str
@@ -51,7 +63,17 @@ class HistoryEntry(Record, frozen=True):
 
 
 class Document(msgspec.Struct, kw_only=True, frozen=True, tag_field="schema"):
-    """The fields that all documents have in common."""
+    """The fields that all documents have in common.
+
+    Attributes
+    ----------
+    frames : list of Frame
+        The images, or the frames of a video.
+    camera : Camera or None
+        The calibration, where it is known.
+    history : list of HistoryEntry
+        The stages that made the document, the first one first.
+    """
 
     kind: ClassVar[str]
     """The name of the document: corners, tracks, hypotheses or segmentation."""
@@ -70,7 +92,13 @@ class Document(msgspec.Struct, kw_only=True, frozen=True, tag_field="schema"):
 
 
 class CornersDocument(Document, frozen=True, tag="mssegment/corners/1"):
-    """The document that ``detect`` writes: the corners of each frame."""
+    """The document that ``detect`` writes: the corners of each frame.
+
+    Attributes
+    ----------
+    corners : list of Corners
+        One entry per frame.
+    """
 
     kind: ClassVar[str] = "corners"
     made_by: ClassVar[str] = "detect"
@@ -100,7 +128,13 @@ class CornersDocument(Document, frozen=True, tag="mssegment/corners/1"):
 
 
 class TracksDocument(Document, frozen=True, tag="mssegment/tracks/1"):
-    """The document that ``match`` and ``import`` write: tracks, with true labels if known."""
+    """The document that ``match`` and ``import`` write: tracks, with true labels if known.
+
+    Attributes
+    ----------
+    tracks : Tracks
+        The tracks [P, F, 2].
+    """
 
     kind: ClassVar[str] = "tracks"
     made_by: ClassVar[str] = "match"
@@ -116,9 +150,18 @@ class TracksDocument(Document, frozen=True, tag="mssegment/tracks/1"):
 class HypothesesDocument(Document, frozen=True, tag="mssegment/hypotheses/2"):
     """The document that ``hypothesize`` writes: sets of hypotheses, points on manifolds.
 
-    ``status`` [P] is 0 for a track that is to be segmented, otherwise the label that it keeps: -1
-    background, -2 not judged. ``strategy`` and ``partition`` say how ``cluster`` turns the
-    hypotheses into motions; see :class:`mssegment.records.Hypotheses`.
+    Attributes
+    ----------
+    tracks : Tracks
+        The tracks [P, F, 2].
+    status : ndarray [P] of int64
+        0 for a track that is to be segmented, -1 background, -2 not judged.
+    strategy : {"modes", "mixture", "consensus"}
+        How ``cluster`` turns the hypotheses into motions.
+    sets : list of HypothesisSet
+        The hypotheses.
+    partition : str or None
+        How consensus groups the tracks; None for the other strategies.
     """
 
     kind: ClassVar[str] = "hypotheses"
