@@ -14,14 +14,16 @@ import numpy as np
 from benchmarks.unseen_bodies import Body
 from mssegment.records import Floats, Integers
 
-STEPS = 8
-"""Gauss-Newton steps of the triangulation."""
+LINEAR_STEPS, STEPS = 5, 10
+"""Steps of the triangulation that are linear, at first, and all of its steps."""
 LEAST_NOISE = 0.01
 """Pixels; tracks without noise must not divide by zero."""
 LEAST_SCATTER = 0.01
 """Scatter of depth of a flat body, over its radius."""
 NEAREST = 0.2
 """Least depth that is tried, over the depth of the body's centre."""
+RIDGE = 1e-12
+"""Keeps the normal equations of a start far off regular, over their trace."""
 MARGIN = 9.0
 """A motion explains a track as well as its own one if its misfit is larger by less than this."""
 
@@ -78,7 +80,11 @@ def affine_body(tracks: Floats) -> Body:
 
 
 def _misfit(body: Body, points: Floats, noise: float) -> Floats:
-    """Misfit [P] under one motion: robust against bad starts, the best of all steps counts."""
+    """Misfit [P] under one motion: the least of all steps of the triangulation.
+
+    The first steps are those of linear triangulation weighted by the depths before (Hartley and
+    Sturm, Triangulation, 1997), the others are Gauss-Newton steps.
+    """
     visible = np.isfinite(points).all(axis=2)
     observed = np.where(visible[..., None], points, 0.0)
     centre, spread = _prior(body, points)
@@ -87,17 +93,19 @@ def _misfit(body: Body, points: Floats, noise: float) -> Floats:
     floor = NEAREST * projections[:, 2, 3]
     place = np.zeros((len(points), 3))
     best = np.full(len(points), np.inf)
-    for _ in range(STEPS):
+    for step in range(STEPS):
         seen = whitened.homogeneous(place)
         depth = np.maximum(seen[..., 2], floor)[..., None]
         pixels = seen[..., :2] / depth
         residual = np.where(visible[..., None], observed - pixels, 0.0) / noise
         best = np.minimum(best, (residual**2).sum(axis=(1, 2)) + (place**2).sum(axis=1))
-        slope = (projections[:, :2, :3] - pixels[..., None] * projections[:, 2:, :3]) / (
-            depth[..., None] * noise
-        )
+        along = (observed if step < LINEAR_STEPS else pixels)[..., None]
+        slope = projections[:, :2, :3] - along * projections[:, 2:, :3]
+        slope /= depth[..., None] * noise
         slope = np.where(visible[..., None, None], slope, 0.0)
-        normal = np.einsum("pfik,pfil->pkl", slope, slope) + np.eye(3)
+        normal = np.einsum("pfik,pfil->pkl", slope, slope)
+        ridge = 1 + RIDGE * np.trace(normal, axis1=1, axis2=2)
+        normal += ridge[:, None, None] * np.eye(3)
         gradient = np.einsum("pfik,pfi->pk", slope, residual) - place
         place = place + np.linalg.solve(normal, gradient[..., None])[..., 0]
     return np.asarray(best)

@@ -38,6 +38,8 @@ SHORTEST = 1 / 3
 CONFUSED = 0.1
 """Largest share of a body's tracks that another body's motion may explain as well."""
 TRIES = 300
+PACE = 0.03
+"""Change of the speeds from one try to the next."""
 
 
 @dataclass(frozen=True)
@@ -92,13 +94,18 @@ class Scene:
 def generate(spec: Spec, rng: np.random.Generator) -> Scene:
     """A scene as ``spec`` says.
 
-    Bodies are drawn anew until their points stay in the picture as the visibility wants it, and
-    until no two motions are so much alike that their number has no answer (``CONFUSED``). Raises
-    RuntimeError where that never happens.
+    Bodies are drawn anew, slower, until their points stay in the picture as the visibility wants
+    it, and anew, faster, until no two motions are so much alike that their number has no answer
+    (``CONFUSED``). Raises RuntimeError where that never happens.
     """
-    for attempt in range(TRIES):
-        bodies = _draw_bodies(spec, rng, calm=0.98**attempt)
-        if bodies and confusions(bodies, spec.noise).max() <= CONFUSED:
+    pace = 1.0
+    for _ in range(TRIES):
+        bodies = _draw_bodies(spec, rng, pace)
+        if bodies is None:
+            pace *= 1 - PACE
+        elif confusions(bodies, spec.noise).max() > CONFUSED:
+            pace *= 1 + PACE
+        else:
             return _observed(spec, bodies, rng)
     raise RuntimeError(f"no scene in {TRIES} tries: {spec}")
 
@@ -177,21 +184,18 @@ class _Camera:
         return Body(points, projections, angle_of(turn[-1] @ turn[0].T))
 
 
-def _draw_bodies(spec: Spec, rng: np.random.Generator, calm: float) -> tuple[Body, ...] | None:
+def _draw_bodies(spec: Spec, rng: np.random.Generator, pace: float) -> tuple[Body, ...] | None:
     """All bodies, the static scene first where the camera moves; None where one does not fit.
 
-    ``calm`` makes all motions slower.
+    ``pace`` multiplies all speeds.
     """
-    unit = spec.picture[0] / WIDTH * calm
-    camera = _draw_camera(spec, rng, unit, calm)
+    unit = spec.picture[0] / WIDTH * pace
+    camera = _draw_camera(spec, rng, unit, pace)
     bodies: list[Body] = []
     hidden: list[tuple[Floats, float]] = []
-    for size, (centre, radius) in zip(
-        spec.sizes[spec.moving_camera :],
-        _places(len(spec.sizes) - spec.moving_camera, spec.picture, rng),
-        strict=True,
-    ):
-        body = _draw_body(spec, rng, camera, (centre, radius, size), (unit, calm))
+    own = spec.sizes[1:] if spec.moving_camera else spec.sizes
+    for size, (centre, radius) in zip(own, _places(len(own), spec.picture, rng), strict=True):
+        body = _draw_body(spec, rng, camera, (centre, radius, size), (unit, pace))
         if body is None:
             return None
         hidden.append((body.tracks.mean(axis=0), 0.7 * radius))
@@ -204,12 +208,12 @@ def _draw_bodies(spec: Spec, rng: np.random.Generator, calm: float) -> tuple[Bod
     return tuple(bodies)
 
 
-def _draw_camera(spec: Spec, rng: np.random.Generator, unit: float, calm: float) -> _Camera:
+def _draw_camera(spec: Spec, rng: np.random.Generator, unit: float, pace: float) -> _Camera:
     """A camera that stands still, or that moves with constant velocities up to jitter."""
     focal = spec.picture[0] * float(np.exp(rng.uniform(*np.log(FOCAL))))
     turns, shifts = [np.eye(3)], [np.zeros(3)]
     pixel = BACKGROUND[1] * float(np.sqrt(STRETCH[1])) / focal
-    velocity, spin = _velocity(rng, spec.speed * unit) * pixel, _spin(rng, PAN * spec.turn * calm)
+    velocity, spin = _velocity(rng, spec.speed * unit) * pixel, _spin(rng, PAN * spec.turn * pace)
     for _ in range(spec.frames - 1):
         turn = rotation(_jittered(spin, rng)) if spec.moving_camera else np.eye(3)
         step = _jittered(velocity, rng) if spec.moving_camera else np.zeros(3)

@@ -277,7 +277,7 @@ ROWS = (
         "planes as one static scene",
         ("2.5 %, 8 of 9", "3.5 %, 7 of 8"),
         "plane",
-        OBJECTS,
+        {**PLANES, "segment.granularity": "object"},
         as_one_scene,
     ),
     _pairs(
