@@ -58,8 +58,8 @@ def shared_out(tracks: int, bodies: int, least: int, rng: Rng, static: bool) -> 
     return tuple(int(size) for size in sizes)
 
 
-def random_scene(frames: int, rng: Rng) -> Scene:
-    """1 to 4 bodies of 25 to 120 tracks, up to 50 % outliers of one kind, noise up to 1 px."""
+def random_scene(frames: int, kind: str, rng: Rng) -> Scene:
+    """1 to 4 bodies of 25 to 120 tracks, up to 50 % outliers of a kind, noise up to 1 px."""
     bodies, moving = int(rng.integers(1, 5)), bool(rng.random() < 0.4)
     sizes = rng.integers(25, 121, bodies)
     if moving:
@@ -69,7 +69,7 @@ def random_scene(frames: int, rng: Rng) -> Scene:
         frames,
         tuple(int(size) for size in sizes),
         outliers=int(share / (1 - share) * sizes.sum()),
-        kind=str(rng.choice(KINDS)),
+        kind=kind,
         noise=rng.uniform(0.1, 1.0),
         affine=not moving and bool(rng.random() < 0.3),
         moving_camera=moving,
@@ -80,7 +80,7 @@ def random_scene(frames: int, rng: Rng) -> Scene:
     return generate(spec, rng)
 
 
-def wider_scene(visibility: str, rng: Rng) -> Scene:
+def wider_scene(visibility: str, kind: str, rng: Rng) -> Scene:
     """1 to 6 bodies in 20 to 2000 tracks, up to 70 % outliers, noise 0.1 to 2 px, 10 frames.
 
     No body has fewer than ``SMALLEST`` tracks: there are fewer bodies where tracks are few.
@@ -93,7 +93,7 @@ def wider_scene(visibility: str, rng: Rng) -> Scene:
         10,
         shared_out(inliers, bodies, SMALLEST, rng, moving),
         outliers=max(total - inliers, 0),
-        kind=str(rng.choice(KINDS)),
+        kind=kind,
         noise=number(rng, 0.1, 2.0),
         affine=not moving and bool(rng.random() < 0.3),
         moving_camera=moving,
@@ -302,7 +302,7 @@ ROWS = (
             f"random-{n}",
             f"random scenes, {n} frames",
             ("1 %, 98 %", f"{unseen} %, 97 %"),
-            {"": partial(random_scene, n)},
+            {kind: partial(random_scene, n, kind) for kind in KINDS},
             "random scenes",
         )
         for n, unseen in ((6, 2), (10, 2), (20, 1))
@@ -311,14 +311,18 @@ ROWS = (
         "wider",
         "wider scenes",
         ("oracle + 4 points", "oracle + 5 points"),
-        {"": partial(wider_scene, "complete")},
+        {kind: partial(wider_scene, "complete", kind) for kind in KINDS},
         "wider scenes",
     ),
     _row(
         "wider-incomplete",
         "wider scenes, incomplete tracks",
         ("", ""),
-        {kind: partial(wider_scene, kind) for kind in ("cut", "leaving")},
+        {
+            f"{visibility}, {kind}": partial(wider_scene, visibility, kind)
+            for visibility in ("cut", "leaving")
+            for kind in KINDS
+        },
         "wider scenes",
     ),
     _row(

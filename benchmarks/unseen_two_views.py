@@ -40,7 +40,7 @@ OFFSET = 20_000.0
 MODELS = tuple(name for name in KEYS["hypothesize.model"].choices.split("|"))
 
 
-def random_scene(rng: Rng) -> Scene:
+def random_scene(kind: str, rng: Rng) -> Scene:
     """1 to 6 bodies in 20 to 2000 matches, up to 70 % outliers, noise of 0.1 to 2 px.
 
     No body has fewer than ``SMALLEST`` matches: there are fewer bodies where matches are few.
@@ -53,7 +53,7 @@ def random_scene(rng: Rng) -> Scene:
         2,
         shared_out(inliers, bodies, SMALLEST, rng, moving),
         outliers=max(total - inliers, 0),
-        kind=str(rng.choice(KINDS)),
+        kind=kind,
         noise=number(rng, 0.1, 2.0),
         moving_camera=moving,
         speed=number(rng, 5, 40),
@@ -306,7 +306,7 @@ ROWS = (
         "random",
         "random scenes",
         ("oracle + 4 points, 80 %", "the same"),
-        {"": random_scene},
+        {kind: partial(random_scene, kind) for kind in KINDS},
         "random scenes",
     ),
     _row(

@@ -225,13 +225,13 @@ def test_rotation_is_one() -> None:
 @pytest.mark.parametrize("seed", range(5))
 def test_random_scenes_are_within_their_bounds(seed: int) -> None:
     rng = np.random.default_rng(seed)
-    found = random_scene(6, rng)
+    found = random_scene(6, "reach", rng)
     sizes = np.bincount(found.labels)
     assert sizes[1:].min() >= 25
     assert 1 <= len(found.bodies) == len(sizes) - 1 <= 4
     assert sizes[0] <= 0.5 * sizes.sum()
     assert found.noise <= 1
-    for wide in (wider_scene("complete", rng), random_pair(rng)):
+    for wide in (wider_scene("complete", "uniform", rng), random_pair("shuffled", rng)):
         sizes = np.bincount(wide.labels)
         assert sizes[1:].min() >= SMALLEST
         assert len(sizes) <= 7
