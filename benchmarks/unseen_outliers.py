@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from mssegment.records import Floats
+from mssegment.records import Floats, Integers
 
 KINDS = ("uniform", "reach", "walk", "shuffled")
 REACH = 40.0
@@ -77,14 +77,15 @@ def shuffled(tracks: Floats, count: int, rng: np.random.Generator) -> Floats:
     if tracks.shape[1] == 2:
         other = (chosen + rng.integers(1, max(len(tracks), 2), count)) % len(tracks)
         return np.stack([tracks[chosen, 0], tracks[other, 1]], axis=1)
-    order = np.arange(tracks.shape[1])
-    orders = np.stack([_another_order(order, rng) for _ in range(count)] or [order])[:count]
-    return np.asarray(tracks[chosen[:, None], orders])
+    frames = tracks.shape[1]
+    orders = [_another_order(frames, rng) for _ in range(count)]
+    return np.asarray(tracks[chosen[:, None], np.reshape(orders, (count, frames)).astype(int)])
 
 
-def _another_order(order: np.ndarray, rng: np.random.Generator) -> np.ndarray:  # type: ignore[type-arg]
-    """A random permutation that is neither the order itself nor its reverse."""
+def _another_order(frames: int, rng: np.random.Generator) -> Integers:
+    """A random order of three or more frames that is neither the usual one nor its reverse."""
+    order = np.arange(frames)
     while True:
-        found = rng.permutation(order)
+        found = rng.permutation(frames)
         if (found != order).any() and (found[::-1] != order).any():
             return found

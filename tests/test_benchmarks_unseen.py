@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -321,6 +322,14 @@ def test_json_has_every_outcome(capsys: pytest.CaptureFixture[str]) -> None:
     assert found["runs"] == len(found["outcomes"]) == 6
     assert {one["seed"] for one in found["outcomes"]} == {4, 5}
     assert found["error"] == pytest.approx(np.mean([one["error"] for one in found["outcomes"]]))
+
+
+def test_spread_between_seeds() -> None:
+    row = chosen(unseen.TABLES["sequences"], ["two-bodies"])[0]
+    one = [outcome(0.1, (2, 2)), outcome(0.3, (2, 2))]
+    assert "| 2 | 20.00% |" in unseen.lines_of(row, one)[0]
+    two = [one[0], replace(one[1], seed=1)]
+    assert "| 20.00% (10.00% to 30.00%) |" in unseen.lines_of(row, two)[0]
 
 
 def test_no_data_is_said(
