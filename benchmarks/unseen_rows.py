@@ -154,15 +154,19 @@ def _motions(labels: Integers) -> Integers:
 
 
 def synthetic(
-    name: str, cells: Mapping[str, Callable[[np.random.Generator], Case | Scene]]
+    name: str,
+    cells: Mapping[str, Callable[[np.random.Generator], Case | Scene]],
+    most: int | None = None,
 ) -> Callable[[Plan], Iterator[Outcome]]:
     """The outcomes of random cases: the scenes of each seed are shared out among the cells.
 
-    The random numbers depend on the row, the cell, the seed and the scene, not on other rows.
+    A cell has at most ``most`` scenes for each seed. The random numbers depend on the row, the
+    cell, the seed and the scene, not on other rows.
     """
 
     def outcomes(plan: Plan) -> Iterator[Outcome]:
         each = -(-plan.scenes // len(cells))
+        each = min(each, most or each)
         for seed in plan.seeds:
             for cell, make in cells.items():
                 key = zlib.crc32(f"{name} {cell}".encode())
