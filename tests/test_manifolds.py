@@ -302,7 +302,7 @@ def test_wrong_points_are_named(manifold, rng):
 @given(data=st.data())
 @settings(max_examples=60, deadline=None)
 def test_hostile_arrays_become_points_or_an_error(data):
-    """Whatever finite array comes: project gives a point, or check_point says it is none."""
+    """For any finite array, project gives a point or check_point refuses the result."""
     manifold = from_name(data.draw(st.sampled_from(NAMES)))
     numbers = st.floats(-1e6, 1e6, allow_subnormal=False)
     x = data.draw(hnp.arrays(np.float64, (2, *manifold.point_shape), elements=numbers))
