@@ -166,7 +166,7 @@ def _draw_set(
     tracks = points[shared][:, frames]
     normalization = model.normalization(tracks)
     observed = model.observe(tracks, normalization)
-    subsets = draw_subsets(neighbours[:, : model.neighbours], model.subset_size, count, rng)
+    subsets = draw_subsets(neighbours[:, : model.sampling_neighbours], model.subset_size, count, rng)
     found, valid = model.minimal_fit(observed[subsets])
     return HypothesisSet(
         model=model.name,

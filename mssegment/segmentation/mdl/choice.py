@@ -153,7 +153,7 @@ def make_families(problem: SelectionProblem, recipe: Recipe) -> list[Family]:
     families = []
     for index, observed_set in enumerate(problem.observed_sets):
         model = observed_set.model
-        free = model.free_extent(observed_set.observed, observed_set.hypotheses.normalization)
+        free = model.log_free_extent(observed_set.observed, observed_set.hypotheses.normalization)
         predicts_points = not model.leaves_parallax_free
         floor, cap = scale_range(problem.points, predicts_points, model.needs_camera)
         noise = Noise(
