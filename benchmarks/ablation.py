@@ -13,7 +13,6 @@ import sys
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
 
 import numpy as np
 
@@ -21,13 +20,12 @@ from mssegment import models
 from mssegment.datasets.adelaidermf import ADELAIDERMF, group_of
 from mssegment.evaluation import misclassification
 from mssegment.records import OUTLIER, Floats, HypothesisSet, Integers, replace
-from mssegment.sampling import elemental_subsets
+from mssegment.sampling.elemental_subsets import hypothesize
+from mssegment.sampling.options import Sampling, SamplingOptions
 from mssegment.segmentation.mdl.choice import STANDARD, Recipe, mdl
 from mssegment.segmentation.mode_based import segment_by_modes
 from mssegment.segmentation.options import Granularity, SegmentOptions
 from mssegment.segmentation.selection import SelectionProblem, SelectionResult
-
-Sampling = Literal["local", "uniform"]
 
 VARIANTS: dict[str, tuple[Recipe, Sampling]] = {
     "everything": (STANDARD, "local"),
@@ -81,10 +79,10 @@ def pairs(folder: Path) -> Iterator[Pair]:
 
 
 def sampled(pair: Pair, sampling: Sampling, seed: int) -> list[HypothesisSet]:
-    return elemental_subsets.hypothesize(
+    return hypothesize(
         pair.points,
         models=models.automatic(2) if pair.model == "auto" else (pair.model,),
-        sampling=sampling,
+        options=SamplingOptions(sampling=sampling),
         rng=np.random.default_rng([seed, 1]),
     )
 

@@ -40,8 +40,8 @@ def _all_pass(
 VARIANTS: dict[str, tuple[tuple[str, ...], tuple[Change, ...]]] = {
     "everything": ((), ()),
     "no subspaces over all frames": (("factorization",), ()),
-    "no uniform subsets": ((), ((frame_pairs, "LOCAL", 1.0),)),
-    "no local subsets": ((), ((frame_pairs, "LOCAL", 0.0),)),
+    "no uniform subsets": ((), ((frame_pairs, "LOCAL_SHARE", 1.0),)),
+    "no local subsets": ((), ((frame_pairs, "LOCAL_SHARE", 0.0),)),
     "one power of the agreement (6)": (
         (),
         ((model_order, "POWERS", (6,)), (normalized_cuts, "POWERS", (6,))),
@@ -67,7 +67,7 @@ VARIANTS: dict[str, tuple[tuple[str, ...], tuple[Change, ...]]] = {
             ),
         ),
     ),
-    "outlier tests never gentle": ((), ((clustering, "spared", lambda *_: 1.0),)),
+    "outlier tests never gentle": ((), ((clustering, "limit_factor", lambda *_: 1.0),)),
     "no merging of spare groups": ((), ((normalized_cuts, "SPARE", 0),)),
     "no fundamental matrices": (("fundamental",), ()),
 }

@@ -198,7 +198,7 @@ def test_unknown_names_and_damaged_hypotheses():
     with pytest.raises(DataError, match="run hypothesize"):
         cluster(scene.points, [])
     damaged = replace(sets[0], points=sets[0].points[:, :2])
-    with pytest.raises(DataError, match="not on"):
+    with pytest.raises(DataError, match="points have shape"):
         cluster(scene.points, [damaged])
     elsewhere = replace(sets[0], frames=(0, 7))
     with pytest.raises(DataError, match="frame 8"):

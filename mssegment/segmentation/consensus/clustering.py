@@ -22,8 +22,8 @@ from mssegment.sampling.observed import ObservedSet
 from mssegment.sampling.validation import (
     Misfit,
     first_test,
+    limit_factor,
     misfit_limit,
-    spared,
     two_frame_misfit,
 )
 from mssegment.segmentation.consensus.average_linkage import AverageLinkage
@@ -96,7 +96,9 @@ def cluster_by_consensus(
             f"{SMALLEST}: give longer tracks, or more corners"
         )
     perspective = hypotheses.partition == "normalized_cuts"
-    sparing = spared(misfit[kept], misfit_limit(own[kept], misfit[kept], perspective=perspective))
+    sparing = limit_factor(
+        misfit[kept], misfit_limit(own[kept], misfit[kept], perspective=perspective)
+    )
     kept = kept[first_test(own[kept], misfit[kept], perspective=perspective)]
     group = _group_incomplete if perspective else _group_complete
     found, groups = group(own, kinds, kept, (least, most), rng)

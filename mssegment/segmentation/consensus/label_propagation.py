@@ -1,7 +1,7 @@
 """Many tracks: some of them are grouped, and the others join the group that they agree with.
 
 The cost of grouping grows with the square of the tracks, and dense tracks say the same thing many
-times. Hypotheses are drawn from at most MOST_GROUPED tracks, and these are the ones to group.
+times. Hypotheses are drawn from at most MAX_GROUPED_TRACKS tracks, and these are the ones to group.
 """
 
 from __future__ import annotations
@@ -20,9 +20,9 @@ from mssegment.records import (
     Integers,
     replace,
 )
-from mssegment.sampling.frame_pairs import MOST_GROUPED
+from mssegment.sampling.frame_pairs import MAX_GROUPED_TRACKS
 from mssegment.sampling.observed import ObservedSet
-from mssegment.sampling.validation import misfit_limit, spared, two_frame_misfit
+from mssegment.sampling.validation import limit_factor, misfit_limit, two_frame_misfit
 from mssegment.segmentation.consensus.coassociation import marks_of
 
 AT_A_TIME = 8000
@@ -31,7 +31,7 @@ AT_A_TIME = 8000
 
 def tracks_to_group(eligible: Flags, sets: Sequence[HypothesisSet]) -> Flags:
     """Which of the eligible tracks [P] to group: all, or of many those that made hypotheses."""
-    if eligible.sum() <= MOST_GROUPED:
+    if eligible.sum() <= MAX_GROUPED_TRACKS:
         return eligible
     makers = np.zeros(len(eligible), dtype=bool)
     for entry in sets:
@@ -70,7 +70,7 @@ def propagate_labels(
     if not (labels > 0).any():
         return np.full(len(others), OUTLIER)
     limit = misfit_limit(grouped, misfit, perspective=perspective)
-    limit *= spared(misfit[np.isfinite(misfit)], limit)
+    limit *= limit_factor(misfit[np.isfinite(misfit)], limit)
     found = np.full(len(others), NOT_JUDGED)
     for start in range(0, len(others), AT_A_TIME):
         rows = slice(start, start + AT_A_TIME)

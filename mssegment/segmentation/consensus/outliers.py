@@ -18,7 +18,7 @@ def second_test(points: Floats, misfit: Floats, labels: Integers, sparing: float
 
     Only complete tracks are judged: the distance from the affine 3-flat (rank 4) that is fitted
     robustly to the other tracks of the group, against the group's median. ``sparing`` is what
-    ``spared`` gives.
+    ``limit_factor`` gives.
     """
     outside = np.zeros(len(points), dtype=bool)
     complete = np.isfinite(points).all(axis=(1, 2))

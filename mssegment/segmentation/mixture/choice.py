@@ -10,7 +10,7 @@ from mssegment.geometry.flats import leave_one_out_residuals, principal_componen
 from mssegment.models import Flags
 from mssegment.records import OUTLIER, Floats, Integers
 from mssegment.sampling.observed import ObservedSet
-from mssegment.sampling.validation import first_test, spared
+from mssegment.sampling.validation import first_test, limit_factor
 from mssegment.segmentation.mixture.likelihood import FEWEST, Likelihood
 from mssegment.segmentation.mixture.mode_votes import ModeVotes
 from mssegment.segmentation.mixture.search import VOTE_WEIGHT, partitions, saved_by_parting, starts
@@ -20,7 +20,7 @@ DISTINCT = 38.0
 """Two groups are two bodies if (cost of the union - cost apart) / sqrt(tracks) is above this."""
 OUTLYING = 20.0
 """A track is an outlier if its residual, over its group's median, is above this; more than that
-(``spared``) where hardly any tracks are."""
+(``limit_factor``) where hardly any tracks are."""
 PASSES = 2
 """The groups are sought again where tracks that fit nothing around them were no outliers."""
 PLANAR = 1.25
@@ -36,7 +36,7 @@ def mixture(problem: SelectionProblem) -> SelectionResult:
     for _ in range(PASSES):
         labels = _joined(problem, _groups(problem, mode_votes, kept))
         relative = _relative_residuals(problem.points, labels)
-        outlying = relative > OUTLYING * spared(relative, OUTLYING)
+        outlying = relative > OUTLYING * limit_factor(relative, OUTLYING)
         before, kept = kept, np.flatnonzero(~outlying)
         if np.isin(kept, before).all():
             break

@@ -6,7 +6,7 @@ import numpy as np
 
 from mssegment.models import Flags
 from mssegment.records import Floats, Integers, Record
-from mssegment.sampling.elemental_subsets import AGREEMENT, NEIGHBOURS
+from mssegment.sampling.elemental_subsets import SEED_NEIGHBOURS, SUPPORT_TOLERANCE
 from mssegment.sampling.neighbourhoods import nearest_neighbours
 from mssegment.segmentation.selection import SelectionProblem
 
@@ -37,7 +37,7 @@ class ModeVotes(Record, frozen=True):
         subsets, assigned = subsets[usable], problem.assignments[index][usable]
         residuals = observed_set.residuals(observed_set.hypotheses.points[usable])
         vote_shares = _shares(
-            near[:, :NEIGHBOURS], subsets, assigned, residuals < _tolerance(points)
+            near[:, :SEED_NEIGHBOURS], subsets, assigned, residuals < _tolerance(points)
         )
         np.put_along_axis(residuals, subsets, np.inf, axis=1)
         around = np.zeros((len(points), len(points)), dtype=bool)
@@ -64,7 +64,9 @@ def _shares(near: Integers, subsets: Integers, assigned: Integers, agree: Flags)
 
 def _tolerance(points: Floats) -> float:
     """The residual (pixels) below which a track near the seed agreed when it was drawn."""
-    return AGREEMENT * float(np.sqrt(((points - points.mean(axis=0)) ** 2).sum(axis=-1).mean()))
+    return SUPPORT_TOLERANCE * float(
+        np.sqrt(((points - points.mean(axis=0)) ** 2).sum(axis=-1).mean())
+    )
 
 
 def _places(tracks: Integers, subsets: Integers) -> Integers:
