@@ -57,17 +57,17 @@ def cluster(
 
     Examples
     --------
-    Two groups of matches, translated by (60, 10) and by (-40, 30) pixels:
+    Two groups of matches, translated by (60, 10) and by (-40, 30) pixels, with noise:
 
     >>> import numpy as np
     >>> from mssegment.records import Hypotheses
     >>> from mssegment.sampling.elemental_subsets import hypothesize
-    >>> offset = np.repeat([[0.0], [200.0]], 40, axis=0)
-    >>> first = np.random.default_rng(0).uniform(0, 100, (80, 2)) + offset
+    >>> rng = np.random.default_rng(0)
+    >>> first = rng.uniform(0, 100, (80, 2)) + np.repeat([[0.0], [200.0]], 40, axis=0)
     >>> second = first + np.repeat([[60.0, 10.0], [-40.0, 30.0]], 40, axis=0)
-    >>> points = np.stack([first, second], axis=1)
-    >>> sets = hypothesize(points, rng=np.random.default_rng(1))
-    >>> found = cluster(points, Hypotheses("modes", tuple(sets)), rng=np.random.default_rng(2))
+    >>> points = np.stack([first, second], axis=1) + rng.normal(0, 0.3, (80, 2, 2))
+    >>> sets = hypothesize(points, rng=rng)
+    >>> found = cluster(points, Hypotheses("modes", tuple(sets)), rng=rng)
     >>> len(found.motions), len(set(found.labels[:40])), len(set(found.labels[40:]))
     (2, 1, 1)
     """
