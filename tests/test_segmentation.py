@@ -102,7 +102,7 @@ def test_the_number_of_motions_can_be_given():
 def test_more_motions_than_modes_are_said_to_be_missing():
     _, _, found = segment(SETUPS["fig4"], 2, motions=30)
     assert len(found.motions) < 30
-    assert any("30 motions were wanted" in note for note in found.notes)
+    assert any("30 motions requested" in note for note in found.notes)
 
 
 def test_background_and_short_tracks_keep_their_labels():
