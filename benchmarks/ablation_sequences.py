@@ -46,12 +46,12 @@ VARIANTS: dict[str, tuple[tuple[str, ...], tuple[Change, ...]]] = {
         (),
         ((model_order, "POWERS", (6,)), (normalized_cuts, "POWERS", (6,))),
     ),
-    "not refined by Student t distributions": ((), ((model_order, "SMALL_CHANGE", -1.0),)),
+    "not refined by Student t distributions": ((), ((model_order, "MAX_REFINED_SHARE", -1.0),)),
     "count without the border": (
         (),
         (
             (model_order, "border_contrast", lambda *_: 1.0),
-            (model_order, "DISTINCT", 95.0),
+            (model_order, "MIN_DISTINCTNESS", 95.0),
             (normalized_cuts, "border_contrast", lambda *_: 1.0),
         ),
     ),
@@ -68,7 +68,7 @@ VARIANTS: dict[str, tuple[tuple[str, ...], tuple[Change, ...]]] = {
         ),
     ),
     "outlier tests never gentle": ((), ((clustering, "limit_factor", lambda *_: 1.0),)),
-    "no merging of spare groups": ((), ((normalized_cuts, "SPARE", 0),)),
+    "no merging of spare groups": ((), ((normalized_cuts, "EXTRA_GROUPS", 0),)),
     "no fundamental matrices": (("fundamental",), ()),
 }
 """Name -> kinds of evidence to leave out, and constants to change."""

@@ -23,6 +23,7 @@ from mssegment.records import (
     replace,
 )
 from mssegment.sampling.observed import ObservedSet
+from mssegment.segmentation.modes import RankedModes, rank_modes
 from mssegment.segmentation.options import SegmentOptions
 from mssegment.segmentation.selection import SelectedMotion, Selection, SelectionProblem
 from mssegment.special import chi_square_quantile, median
@@ -33,14 +34,6 @@ REFIT_ROUNDS = 3
 """Rounds of the final least squares."""
 REFIT_TAIL = 1e-4
 """Share of the true inliers that the final least squares may exclude."""
-
-
-class _Modes(Record, frozen=True):
-    """The modes of all sets, densest first; bandwidth and assignments (-1: none) of each set."""
-
-    modes: tuple[Mode, ...]
-    bandwidths: tuple[float, ...]
-    assignments: tuple[Integers, ...]
 
 
 class _Fit(Record, frozen=True):
@@ -118,7 +111,7 @@ def segment_by_modes(
 
 def _find_modes(
     observed_sets: Sequence[ObservedSet], options: SegmentOptions, rng: np.random.Generator
-) -> _Modes:
+) -> RankedModes:
     """Mean shift on every set."""
     modes: list[Mode] = []
     bandwidths, assigned = [], []
@@ -139,11 +132,7 @@ def _find_modes(
                 points, shifted.densities_, shifted.counts_, strict=True
             )
         ]
-    order = sorted(range(len(modes)), key=lambda i: -modes[i].kde)
-    rank = np.full(len(modes) + 1, -1)
-    rank[order] = np.arange(len(modes))
-    assignments = tuple(rank[index].astype(np.int64) for index in assigned)
-    return _Modes(tuple(modes[i] for i in order), tuple(bandwidths), assignments)
+    return rank_modes(modes, bandwidths, assigned)
 
 
 def _oriented(observed_set: ObservedSet, modes: Floats, assignments: Integers) -> Floats:
