@@ -9,7 +9,7 @@ import numpy as np
 from mssegment import models
 from mssegment.models import MotionModel
 from mssegment.records import OUTLIER, Floats, HypothesisSet, Integers, Motion, Segmentation
-from mssegment.segmentation.mdl.granularity import LEAST_SCALE
+from mssegment.segmentation.mdl.granularity import MIN_SCALE
 from mssegment.segmentation.mdl.likelihood import Noise
 
 MAX_DEVIATIONS = 6.0
@@ -57,7 +57,7 @@ def assign(points: Floats, sets: Sequence[HypothesisSet], found: Segmentation) -
 
 def _cost(model: MotionModel, motion: Motion, residuals: Floats) -> Floats:
     """Negative logarithm of share times likelihood, in nats [P]."""
-    scale = max(motion.scale, LEAST_SCALE)
+    scale = max(motion.scale, MIN_SCALE)
     noise = Noise(
         model.residual_dimension, model.residual_terms, scale, scale, 0.0, 0.0, np.zeros(0)
     )

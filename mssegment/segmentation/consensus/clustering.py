@@ -146,7 +146,7 @@ def _cluster_complete(
     tracks = _visible_tracks(misfit)
     factor = limit_factor(misfit[tracks], misfit_limit(points[tracks], misfit[tracks]))
     tracks = tracks[first_test(points[tracks], misfit[tracks])]
-    is_complete = np.isfinite(points).all(axis=(1, 2))
+    is_complete = np.asarray(np.isfinite(points).all(axis=(1, 2)))
 
     def spectral_clustering(chosen: Integers) -> SpectralClustering:
         block = np.ix_(chosen, chosen)

@@ -55,7 +55,7 @@ class CoassociationAccumulator:
         self.kinds: dict[str, Coassociation] = {}
 
     def add(self, observed_set: ObservedSet, squared: Floats) -> None:
-        """Add a set with its ``ranking_sq_residuals``; a track marks the hypotheses that fit it best."""
+        """Add a set with its ``ranking_sq_residuals``; tracks mark the hypotheses that fit best."""
         model, tracks = observed_set.hypotheses.model, observed_set.tracks
         marks = marks_of(observed_set, squared)
         agreement = marks @ marks.T / marks[:1].sum()
