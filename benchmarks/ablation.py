@@ -13,7 +13,6 @@ import sys
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
 
 import numpy as np
 
@@ -21,24 +20,24 @@ from mssegment import models
 from mssegment.datasets.adelaidermf import ADELAIDERMF, group_of
 from mssegment.evaluation import misclassification
 from mssegment.records import OUTLIER, Floats, HypothesisSet, Integers, replace
-from mssegment.sampling import elemental_subsets
-from mssegment.segmentation.mdl.choice import STANDARD, Recipe, mdl
+from mssegment.sampling.elemental_subsets import hypothesize
+from mssegment.sampling.options import Sampling, SamplingOptions
+from mssegment.segmentation.mdl.choice import ALL_INGREDIENTS as ALL
+from mssegment.segmentation.mdl.choice import Ingredients, mdl
 from mssegment.segmentation.mode_based import segment_by_modes
 from mssegment.segmentation.options import Granularity, SegmentOptions
 from mssegment.segmentation.selection import SelectionProblem, SelectionResult
 
-Sampling = Literal["local", "uniform"]
-
-VARIANTS: dict[str, tuple[Recipe, Sampling]] = {
-    "everything": (STANDARD, "local"),
-    "Gaussian residuals": (replace(STANDARD, freedom=np.inf), "local"),
-    "labels cost nothing": (replace(STANDARD, label_cost=False), "local"),
-    "labels not settled by neighbours": (replace(STANDARD, neighbours=False), "local"),
-    "parameters cost nothing": (replace(STANDARD, price=0.0), "local"),
-    "parameters cost twice": (replace(STANDARD, price=2.0), "local"),
-    "no moves after the start": (replace(STANDARD, moves=False), "local"),
-    "no differences between motions": (replace(STANDARD, differences=False), "local"),
-    "uniform sampling": (STANDARD, "uniform"),
+VARIANTS: dict[str, tuple[Ingredients, Sampling]] = {
+    "everything": (ALL, "local"),
+    "Gaussian residuals": (replace(ALL, degrees_of_freedom=np.inf), "local"),
+    "labels cost nothing": (replace(ALL, label_cost=False), "local"),
+    "labels not settled by neighbours": (replace(ALL, neighbour_labels=False), "local"),
+    "parameters cost nothing": (replace(ALL, parameter_weight=0.0), "local"),
+    "parameters cost twice": (replace(ALL, parameter_weight=2.0), "local"),
+    "no moves after the start": (replace(ALL, search=False), "local"),
+    "no differences between motions": (replace(ALL, relative_coding=False), "local"),
+    "uniform sampling": (ALL, "uniform"),
 }
 GROUPS = ("motion", "motion + 100 %", "plane")
 
@@ -81,10 +80,10 @@ def pairs(folder: Path) -> Iterator[Pair]:
 
 
 def sampled(pair: Pair, sampling: Sampling, seed: int) -> list[HypothesisSet]:
-    return elemental_subsets.hypothesize(
+    return hypothesize(
         pair.points,
         models=models.automatic(2) if pair.model == "auto" else (pair.model,),
-        sampling=sampling,
+        options=SamplingOptions(sampling=sampling),
         rng=np.random.default_rng([seed, 1]),
     )
 
@@ -112,12 +111,12 @@ def outcomes(pair: Pair, seed: int, tick: Callable[[], None]) -> Iterator[tuple[
     """Error (fraction) and whether the count is right, for every variant on one pair."""
     samplings: tuple[Sampling, ...] = ("local", "uniform")
     problems = {sampling: problem_of(pair, sampling, seed) for sampling in samplings}
-    for name, (recipe, sampling) in VARIANTS.items():
-        choice = mdl(problems[sampling], recipe)
+    for name, (ingredients, sampling) in VARIANTS.items():
+        selected = mdl(problems[sampling], ingredients)
         labels = np.zeros(len(pair.points), dtype=np.int64)
-        for label, motion in enumerate(choice.motions, start=1):
+        for label, motion in enumerate(selected.motions, start=1):
             labels[motion.inliers] = label
-        right = len(choice.motions) == len(np.unique(pair.labels[pair.labels > 0]))
+        right = len(selected.motions) == len(np.unique(pair.labels[pair.labels > 0]))
         yield name, misclassification(labels, pair.labels), right
         tick()
 

@@ -40,18 +40,18 @@ def _all_pass(
 VARIANTS: dict[str, tuple[tuple[str, ...], tuple[Change, ...]]] = {
     "everything": ((), ()),
     "no subspaces over all frames": (("factorization",), ()),
-    "no uniform subsets": ((), ((frame_pairs, "LOCAL", 1.0),)),
-    "no local subsets": ((), ((frame_pairs, "LOCAL", 0.0),)),
+    "no uniform subsets": ((), ((frame_pairs, "LOCAL_SHARE", 1.0),)),
+    "no local subsets": ((), ((frame_pairs, "LOCAL_SHARE", 0.0),)),
     "one power of the agreement (6)": (
         (),
         ((model_order, "POWERS", (6,)), (normalized_cuts, "POWERS", (6,))),
     ),
-    "not refined by Student t distributions": ((), ((model_order, "SMALL_CHANGE", -1.0),)),
+    "not refined by Student t distributions": ((), ((model_order, "MAX_REFINED_SHARE", -1.0),)),
     "count without the border": (
         (),
         (
             (model_order, "border_contrast", lambda *_: 1.0),
-            (model_order, "DISTINCT", 95.0),
+            (model_order, "MIN_DISTINCTNESS", 95.0),
             (normalized_cuts, "border_contrast", lambda *_: 1.0),
         ),
     ),
@@ -67,8 +67,8 @@ VARIANTS: dict[str, tuple[tuple[str, ...], tuple[Change, ...]]] = {
             ),
         ),
     ),
-    "outlier tests never gentle": ((), ((clustering, "spared", lambda *_: 1.0),)),
-    "no merging of spare groups": ((), ((normalized_cuts, "SPARE", 0),)),
+    "outlier tests never gentle": ((), ((clustering, "limit_factor", lambda *_: 1.0),)),
+    "no merging of spare groups": ((), ((normalized_cuts, "EXTRA_GROUPS", 0),)),
     "no fundamental matrices": (("fundamental",), ()),
 }
 """Name -> kinds of evidence to leave out, and constants to change."""

@@ -18,6 +18,7 @@ from mssegment import models
 from mssegment.evaluation import match_labels, misclassification, residual_errors
 from mssegment.records import ClusterResult, Hypotheses, HypothesisSet
 from mssegment.sampling.elemental_subsets import hypothesize
+from mssegment.sampling.options import SamplingOptions
 from mssegment.segmentation import SELECTIONS, SegmentOptions, cluster
 from mssegment.segmentation.options import Granularity
 
@@ -39,10 +40,9 @@ def run_scene(setup: SetUp, seed: int, selection: str, granularity: Granularity)
     sets = hypothesize(
         scene.points,
         models=(setup.model,),
+        # no static background here from which the rotation could be estimated
+        options=SamplingOptions(count=setup.hypotheses, derotate=False),
         camera=CAMERA,
-        count=setup.hypotheses,
-        # there is no static world here that could tell how the camera turned
-        derotate=False,
         rng=np.random.default_rng([seed, 1]),
     )
     found = {

@@ -40,7 +40,7 @@ from mssegment.resources import Timings
 
 if TYPE_CHECKING:
     from mssegment.imaging.frames import FrameSource
-    from mssegment.sampling.strategy import SamplingOptions
+    from mssegment.sampling.options import SamplingOptions
     from mssegment.segmentation.options import SegmentOptions
 
 NOTHING_SHARED = (
@@ -192,7 +192,8 @@ def check_settings(configuration: Configuration, frames: int, threads: int = 1) 
 
 def _sampling(configuration: Configuration, frames: int) -> tuple[SamplingOptions, Strategy]:
     """How hypotheses are drawn for tracks over so many frames, and for which strategy."""
-    from mssegment.sampling.strategy import SamplingOptions, choose_strategy
+    from mssegment.sampling.options import SamplingOptions
+    from mssegment.sampling.strategy import choose_strategy
 
     settings = configuration.hypothesize
     options = SamplingOptions(

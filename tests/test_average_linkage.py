@@ -17,14 +17,14 @@ from mssegment.preprocessing.background import find_background
 from mssegment.records import BACKGROUND, NOT_JUDGED
 from mssegment.sampling.frame_pairs import draw_for_consensus
 from mssegment.segmentation.consensus import cluster_by_consensus
-from mssegment.segmentation.consensus.average_linkage import joins
+from mssegment.segmentation.consensus.average_linkage import average_linkage
 from tests.stages import cluster
 
 
 def test_joins_are_those_of_average_linkage(rng: np.random.Generator) -> None:
     places = rng.normal(size=(40, 3))
     agreement = np.exp(-np.linalg.norm(places[:, None] - places, axis=-1))
-    found = joins(agreement, np.ones((40, 40)))
+    found = average_linkage(agreement, np.ones((40, 40)))
     heights = linkage(squareform(1 - agreement, checks=False), "average")[:, 2]
     np.testing.assert_allclose([similarity for *_, similarity in found], 1 - heights, atol=1e-12)
 

@@ -254,7 +254,7 @@ def test_what_cannot_be_grouped_says_why(scene) -> None:
     rng = np.random.default_rng(0)
     with pytest.raises(DataError, match="2 frames"):
         draw_for_consensus(points[:, :1], rng)
-    with pytest.raises(DataError, match="share 10 tracks"):
+    with pytest.raises(DataError, match="10 tracks in common"):
         draw_for_consensus(points[:6], rng)
     drawn = draw_for_consensus(points, rng)
     alone = replace(drawn, sets=tuple(e for e in drawn.sets if len(e.frames) > 2))

@@ -9,7 +9,7 @@ from mssegment.configuration import from_text, resolve
 from mssegment.documents import TracksDocument
 from mssegment.pipeline import cluster, hypothesize
 from mssegment.records import ClusterResult, Floats, Frame, Tracks
-from mssegment.segmentation.mdl.continuity import bodies
+from mssegment.segmentation.mdl.continuity import group_motions
 
 EDGE = 320.0
 
@@ -58,10 +58,10 @@ def test_a_number_that_is_given_is_not_joined() -> None:
 
 def test_what_hangs_together_is_one_body() -> None:
     labels = np.array([0, 1, 2, 3, 4])
-    assert bodies(labels, []).tolist() == [0, 1, 2, 3]
-    assert bodies(labels, [(0, 2), (2, 3)]).tolist() == [0, 1, 0, 0]
-    assert bodies(labels, [(2, 3), (0, 2)]).tolist() == [0, 1, 0, 0]
-    assert bodies(np.zeros(5, dtype=np.int64), []).tolist() == []
+    assert group_motions(labels, []).tolist() == [0, 1, 2, 3]
+    assert group_motions(labels, [(0, 2), (2, 3)]).tolist() == [0, 1, 0, 0]
+    assert group_motions(labels, [(2, 3), (0, 2)]).tolist() == [0, 1, 0, 0]
+    assert group_motions(np.zeros(5, dtype=np.int64), []).tolist() == []
 
 
 def test_the_order_of_the_tracks_does_not_matter(rng: np.random.Generator) -> None:

@@ -20,7 +20,13 @@ from mssegment.segmentation.mdl.likelihood import Noise, uniform_cost
 from tests.stages import cluster, hypothesize
 
 NOISE = Noise(
-    dimension=2, terms=1, floor=0.5, cap=5.0, free=0.0, outlier=12.0, parallax=np.zeros(40)
+    dimension=2,
+    residual_terms=1,
+    floor=0.5,
+    cap=5.0,
+    log_free_extent=0.0,
+    outlier_cost=12.0,
+    parallax=np.zeros(40),
 )
 
 
@@ -96,7 +102,7 @@ def test_a_motion_too_small_to_pay_is_found_when_it_is_asked_for() -> None:
 def test_motions_that_are_not_there_are_not_made_up() -> None:
     points, _ = two_bodies(2, sizes=(60,), outliers=0)
     found = segment(points, motions=3)
-    assert len(found.motions) == 3 or any("were wanted" in note for note in found.notes)
+    assert len(found.motions) == 3 or any("motions requested" in note for note in found.notes)
 
 
 def test_a_larger_picture_gives_the_same_labels() -> None:
@@ -164,11 +170,11 @@ def test_neighbours_that_count_are_the_nearest(rng: np.random.Generator) -> None
 
 @pytest.mark.parametrize("freedom", [2.5, np.inf])
 def test_half_of_the_gain_is_saved_where_it_says(freedom: float) -> None:
-    noise, scales = replace(NOISE, freedom=freedom), np.array([0.5, 2.0, 5.0])
-    at_half = noise.gains(noise.half_gain(scales)[:, None], scales)[:, 0]
-    np.testing.assert_allclose(at_half, noise.perfect(scales) / 2)
+    noise, scales = replace(NOISE, degrees_of_freedom=freedom), np.array([0.5, 2.0, 5.0])
+    at_half = noise.gains(noise.residual_at_half_gain(scales)[:, None], scales)[:, 0]
+    np.testing.assert_allclose(at_half, noise.max_gain(scales) / 2)
     hopeless = np.array([1e5])  # saves nothing even on a perfect fit
-    assert noise.half_gain(hopeless) == 0
+    assert noise.residual_at_half_gain(hopeless) == 0
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -206,8 +212,8 @@ def test_gains_are_densities() -> None:
     """exp(gain - outlier) integrates to one over the plane of residuals."""
     radius = np.linspace(0, 4000, 4_000_001)
     for freedom in (2.5, np.inf):
-        gains = replace(NOISE, freedom=freedom).gains(radius[None], np.array([1.3]))[0]
-        ring = np.exp(gains - NOISE.outlier) * 2 * np.pi * radius
+        gains = replace(NOISE, degrees_of_freedom=freedom).gains(radius[None], np.array([1.3]))[0]
+        ring = np.exp(gains - NOISE.outlier_cost) * 2 * np.pi * radius
         assert trapezoid(ring, radius) == pytest.approx(1.0, abs=1e-3)
 
 
@@ -226,8 +232,8 @@ def test_the_scale_is_the_most_likely_one(rng: np.random.Generator) -> None:
 def test_a_common_scale_changes_no_gain(rng: np.random.Generator) -> None:
     points = rng.uniform(0, 500, (40, 2, 2))
     for factor in (0.5, 4.0):
-        small = replace(NOISE, outlier=uniform_cost(points))
-        large = replace(NOISE, outlier=uniform_cost(factor * points))
+        small = replace(NOISE, outlier_cost=uniform_cost(points))
+        large = replace(NOISE, outlier_cost=uniform_cost(factor * points))
         residuals = rng.uniform(0, 9, (3, 40))
         np.testing.assert_allclose(
             small.gains(residuals, np.ones(3)), large.gains(factor * residuals, np.full(3, factor))

@@ -39,7 +39,8 @@ def test_a_track_does_not_predict_itself(noise):
 def test_a_scaling_of_all_pixels_changes_nothing(noise, rng):
     moved = rng.uniform(0.0, 100.0, (3, 40))
     inliers = (rng.random((3, 40)) < 0.6).astype(float)
-    doubled = Noise(1, 1, 0.2, 2.0, noise.free + np.log(2.0), noise.outlier, np.zeros(40))
+    extent = noise.log_free_extent + np.log(2.0)
+    doubled = Noise(1, 1, 0.2, 2.0, extent, noise.outlier_cost, np.zeros(40))
     np.testing.assert_allclose(
         displacement_gains(2 * moved, inliers, doubled),
         displacement_gains(moved, inliers, noise),

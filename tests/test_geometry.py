@@ -198,6 +198,6 @@ def test_hard_em_moves_what_is_nearer_and_dissolves_small_groups():
         middle = members @ place / members.sum(axis=1)
         return (place - middle[:, None]) ** 2
 
-    found = hard_em(labels, costs, rounds=10, fewest=2)
+    found = hard_em(labels, costs, rounds=10, min_size=2)
     np.testing.assert_array_equal(found, np.r_[np.zeros(10), np.ones(10), 0])
-    assert not hard_em(labels, costs, rounds=10, fewest=11).any()
+    assert not hard_em(labels, costs, rounds=10, min_size=11).any()

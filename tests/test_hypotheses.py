@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from mssegment import manifolds, models
 from mssegment.errors import DataError, MssegmentError, UsageError
 from mssegment.records import Camera
-from mssegment.sampling.elemental_subsets import CONFIRMATIONS
+from mssegment.sampling.elemental_subsets import MIN_SUPPORT
 from mssegment.sampling.neighbourhoods import nearest_neighbours
 from tests.stages import hypothesize
 
@@ -62,7 +62,7 @@ def test_local_hypotheses_mostly_come_from_one_body(rng):
 def test_mismatches_alone_are_never_confirmed(rng):
     points = rng.uniform(0.0, 640.0, (60, 2, 2))
     assert hypothesize(points, count=50, rng=rng) == []
-    assert CONFIRMATIONS == 3
+    assert MIN_SUPPORT == 3
 
 
 def test_the_same_seed_gives_the_same_hypotheses():

@@ -11,7 +11,7 @@ from mssegment.evaluation import misclassification
 from mssegment.records import NOT_JUDGED
 from mssegment.sampling.frame_pairs import draw_for_consensus
 from mssegment.segmentation.consensus.label_propagation import (
-    MOST_GROUPED,
+    MAX_GROUPED_TRACKS,
     hypotheses_among,
     tracks_to_group,
 )
@@ -56,7 +56,7 @@ def test_a_crowd_is_grouped_by_those_that_made_hypotheses(
     sets = draw_for_consensus(points, np.random.default_rng(0)).sets
     everyone = np.ones(len(points), dtype=bool)
     grouped = tracks_to_group(everyone, sets)
-    assert 0.9 * MOST_GROUPED < grouped.sum() <= MOST_GROUPED
+    assert 0.9 * MAX_GROUPED_TRACKS < grouped.sum() <= MAX_GROUPED_TRACKS
     few = everyone & (np.arange(len(points)) < 100)
     np.testing.assert_array_equal(tracks_to_group(few, sets), few)
 

@@ -11,6 +11,7 @@ from moving_bodies import rigid_bodies
 from mssegment.evaluation import misclassification
 from mssegment.records import OUTLIER, Hypotheses
 from mssegment.sampling.observed import ObservedSet
+from mssegment.sampling.options import SamplingOptions
 from mssegment.sampling.ranks import draw_all_ranks
 from mssegment.segmentation.mixture.likelihood import Likelihood, membership
 from mssegment.segmentation.mixture.mode_votes import ModeVotes
@@ -21,14 +22,11 @@ from tests.stages import cluster
 
 
 def sets_of(points: np.ndarray, rng: np.random.Generator, rank: int | str = "auto"):
-    everyone = np.ones(len(points), dtype=bool)
     return draw_all_ranks(
         points,
         model="factorization",
-        count=120,
-        sampling="local",
-        eligible=everyone,
-        rank=rank,
+        options=SamplingOptions(count=120, rank=rank),
+        eligible=np.ones(len(points), dtype=bool),
         rng=rng,
     )
 

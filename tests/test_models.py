@@ -298,9 +298,9 @@ def test_a_set_knows_its_model(model, scene, rng):
     assert again.manifold.name == model.manifold.name
     for wrong, said in (
         ({"model": "sphere"}, "no model is called 'sphere'"),
-        ({"frames": (0,)}, "over 1 frames"),
-        ({"manifold": "euclidean(3)"}, "lives on"),
-        ({"points": found[:, :1]}, "not on"),
+        ({"frames": (0,)}, "does not accept 1 frames"),
+        ({"manifold": "euclidean(3)"}, "belongs to manifold"),
+        ({"points": found[:, :1]}, "points have shape"),
     ):
         with pytest.raises(DataError, match=said):
             models.of_set(replace(entry, **wrong))

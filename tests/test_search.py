@@ -8,15 +8,15 @@ import pytest
 import mssegment
 from benchmarks.paper import run_scene
 from benchmarks.scenes import SETUPS
-from mssegment.segmentation.mdl.candidates import Seen
-from mssegment.segmentation.mdl.search import cut
+from mssegment.segmentation.mdl.candidates import FittedSets
+from mssegment.segmentation.mdl.search import split_tracks
 
 
 def test_two_halves_lie_apart(rng: np.random.Generator) -> None:
     side = rng.random(60) < 0.4
     places = rng.normal(0.0, 20.0, (60, 2)) + np.where(side[:, None], [300.0, 80.0], 0.0)
     chosen = rng.random(60) < 0.8
-    halves = cut(chosen, places)
+    halves = split_tracks(chosen, places)
     assert (halves.sum(axis=0) == chosen).all()
     truth = (chosen & side, chosen & ~side)
     assert any((halves[k] == truth[0]).all() and (halves[1 - k] == truth[1]).all() for k in (0, 1))
@@ -25,7 +25,7 @@ def test_two_halves_lie_apart(rng: np.random.Generator) -> None:
 @pytest.mark.parametrize("count", [0, 1, 2])
 def test_few_tracks_and_tracks_in_one_place_are_cut_without_harm(count: int) -> None:
     tracks = np.arange(6) < count
-    assert (cut(tracks, np.ones((6, 2))).sum(axis=0) == tracks).all()
+    assert (split_tracks(tracks, np.ones((6, 2))).sum(axis=0) == tracks).all()
 
 
 @pytest.mark.parametrize("seed", [10, 140, 193])
@@ -55,8 +55,8 @@ def test_sets_of_inliers_that_hardly_differ_are_fitted_once() -> None:
     """One track of 50 more or less is the same set, four are another one; the first counts."""
     rows = np.zeros((5, 100))
     rows[0, :50] = rows[1, :51] = rows[2, :54] = rows[3, 50:] = rows[4, 49:] = 1.0
-    seen = Seen(100)
-    assert seen.new(rows[:1]) == [0]
-    assert seen.new(rows) == [2, 3]
-    assert seen.new(rows) == []
-    assert seen.new(rows[:0]) == []
+    fitted = FittedSets(100)
+    assert fitted.add_new(rows[:1]) == [0]
+    assert fitted.add_new(rows) == [2, 3]
+    assert fitted.add_new(rows) == []
+    assert fitted.add_new(rows[:0]) == []

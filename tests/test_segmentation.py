@@ -102,7 +102,7 @@ def test_the_number_of_motions_can_be_given():
 def test_more_motions_than_modes_are_said_to_be_missing():
     _, _, found = segment(SETUPS["fig4"], 2, motions=30)
     assert len(found.motions) < 30
-    assert any("30 motions were wanted" in note for note in found.notes)
+    assert any("30 motions requested" in note for note in found.notes)
 
 
 def test_background_and_short_tracks_keep_their_labels():
@@ -198,7 +198,7 @@ def test_unknown_names_and_damaged_hypotheses():
     with pytest.raises(DataError, match="run hypothesize"):
         cluster(scene.points, [])
     damaged = replace(sets[0], points=sets[0].points[:, :2])
-    with pytest.raises(DataError, match="not on"):
+    with pytest.raises(DataError, match="points have shape"):
         cluster(scene.points, [damaged])
     elsewhere = replace(sets[0], frames=(0, 7))
     with pytest.raises(DataError, match="frame 8"):

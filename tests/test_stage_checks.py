@@ -120,10 +120,10 @@ def change(key: str, value: Any) -> Change:
     ("changed", "said"),
     [
         (change("model", "sphere"), "no model is called 'sphere'"),
-        (change("model", "homography"), "lives on special_linear(3), found affine(2)"),
-        (change("model", "factorization"), "model factorization over 2 frames"),
+        (change("model", "homography"), "belongs to manifold special_linear(3); found affine(2)"),
+        (change("model", "factorization"), "does not accept 2 frames"),
         (change("manifold", "sphere"), "no manifold is called 'sphere'"),
-        (change("manifold", "grassmann(3,1)"), "lives on affine(2), found grassmann(3,1)"),
+        (change("manifold", "grassmann(3,1)"), "belongs to manifold affine(2); found grassmann(3,1)"),
     ],
 )
 def test_a_set_must_fit_its_model(changed: Change, said: str, documents: dict[str, bytes]) -> None:

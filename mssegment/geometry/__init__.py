@@ -1,1 +1,1 @@
-"""Formulas that several models need, each once, batched over leading axes."""
+"""Geometry that several models share, batched over leading axes."""

@@ -1,4 +1,4 @@
-"""Tracks as vectors: how far they spread, their principal components, robust affine flats."""
+"""Trajectories as vectors: their spread, principal components, and robust affine flats."""
 
 from __future__ import annotations
 
@@ -7,18 +7,18 @@ import numpy as np
 from mssegment.geometry.robust import geman_mcclure_weights
 from mssegment.records import Floats
 
-DIMENSIONS = 12
-"""Principal components of the tracks."""
-UNIT = 160.0
-"""The tracks spread over so many units (pixels of a picture of 640, roughly)."""
+COMPONENTS = 12
+"""Number of principal components of the tracks."""
+SPREAD = 160.0
+"""``extent`` of the tracks after scaling: about that in pixels in a 640 x 480 image."""
 FLAT_ROUNDS = 5
-"""Rounds of the reweighted principal components."""
+"""Rounds of reweighting of the principal components."""
 
 
 def extent(points: Floats) -> float:
-    """How widely the tracks [P, F, 2] spread in a frame, pixels, whatever a few of them do.
+    """Robust spread of tracks [P, F, 2] within a frame, in pixels.
 
-    1.2 times the median distance from the median point: about the rms radius.
+    1.2 times the median distance from the median point, which is about the rms radius.
     """
     points = points[:, np.isfinite(points).all(axis=2).any(axis=0)]
     middle = np.nanmedian(points, axis=0)
@@ -26,35 +26,52 @@ def extent(points: Floats) -> float:
 
 
 def principal_components(points: Floats) -> Floats:
-    """The tracks [P, F, 2] in DIMENSIONS leading principal components, in units, [P, D]."""
+    """The leading principal components of the tracks [P, F, 2], scaled to ``SPREAD``, [P, D].
+
+    D is ``COMPONENTS``, or less for few frames.
+    """
     vectors = points.reshape(len(points), -1)
-    vectors = (vectors - vectors.mean(axis=0)) * (UNIT / extent(points))
+    vectors = (vectors - vectors.mean(axis=0)) * (SPREAD / extent(points))
     _, directions = np.linalg.eigh(vectors.T @ vectors)
-    return np.asarray(vectors @ directions[:, : -DIMENSIONS - 1 : -1])
+    return np.asarray(vectors @ directions[:, : -COMPONENTS - 1 : -1])
 
 
 def leave_one_out_residuals(vectors: Floats, dimension: int = 3) -> Floats:
-    """Distance of each vector [n, d] from the robust affine flat of the *other* vectors, [n].
+    """Distance of each vector from the affine flat that is fitted robustly to all other vectors.
 
-    Reweighted principal components; r / (1 - leverage) takes each vector's own pull away.
+    Iteratively reweighted principal components with Geman-McClure weights; division by
+    1 - leverage removes the influence of a vector on its own residual.
+
+    Parameters
+    ----------
+    vectors : ndarray [n, d]
+        The vectors, for instance tracks.
+    dimension : int
+        Dimension of the flat.
+
+    Returns
+    -------
+    ndarray [n]
+        Residuals in the units of the vectors.
     """
-    # far vectors start light: a lever would draw the flat to itself
+    # start with small weights for distant vectors, which would attract the flat
     weights = _robust_weights(((vectors - np.median(vectors, axis=0)) ** 2).sum(axis=1))
     for _ in range(FLAT_ROUNDS):
         centred = vectors - weights @ vectors / weights.sum()
         directions = _principal(np.sqrt(weights)[:, None] * centred, dimension)
-        along = centred @ directions
-        squared = np.maximum((centred**2).sum(axis=1) - (along**2).sum(axis=1), 0.0)
-        residual = np.sqrt(squared)
+        projection = centred @ directions
+        squared = np.maximum((centred**2).sum(axis=1) - (projection**2).sum(axis=1), 0.0)
+        residuals = np.sqrt(squared)
         weights = _robust_weights(squared)
-    scatter = (weights[:, None] * along).T @ along
+    scatter = (weights[:, None] * projection).T @ projection
     leverage = weights * (
-        np.einsum("ni,ni->n", along @ np.linalg.pinv(scatter), along) + 1 / weights.sum()
+        np.einsum("ni,ni->n", projection @ np.linalg.pinv(scatter), projection) + 1 / weights.sum()
     )
-    return np.asarray(residual / np.maximum(1 - leverage, 0.02))
+    return np.asarray(residuals / np.maximum(1 - leverage, 0.02))
 
 
 def _robust_weights(squared: Floats) -> Floats:
+    """Geman-McClure weights with twice the median residual as scale."""
     return geman_mcclure_weights(squared, 4 * float(np.median(squared)) + 1e-18)
 
 

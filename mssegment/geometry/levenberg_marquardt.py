@@ -14,29 +14,44 @@ import numpy as np
 from mssegment.records import Floats, Integers
 
 State = tuple[Floats, ...]
-"""Arrays [B, ...] that describe the B current solutions."""
+"""The B current solutions, as arrays [B, ...]."""
 Linearize = Callable[[State, Integers], tuple[Floats, Floats]]
-"""Residuals [b, n] and their Jacobian [b, n, p] at the solutions of the problems ``rows`` [b]."""
+"""Maps solutions of the problems with indices [b] to residuals [b, n] and Jacobian [b, n, p]."""
 Retract = Callable[[State, Floats], State]
-"""The solutions after steps [b, p] in their tangent spaces."""
+"""Maps solutions and steps [b, p] in their tangent spaces to new solutions."""
 
 FIRST_DAMPING, DECREASE, INCREASE = 1e-3, 0.1, 10.0
-"""Marquardt's damping and its factors after a step that was taken, or not."""
+"""Initial damping, and its factors after an accepted and after a rejected step."""
 TINY = 1e-300
 
 
 def damped_step(
     jacobian: Floats, residuals: Floats, damping: Floats, weights: Floats | None = None
 ) -> Floats:
-    """The step [B, p] of Levenberg and Marquardt.
+    """Compute the Levenberg-Marquardt step.
 
-    Solves (J'WJ + damping diag(J'WJ)) step = -J'W r for the Jacobian J [B, n, p], the residuals r
-    [B, n] and the weights W [B, n] (one by default); ``damping`` is [B].
+    Solves (J'WJ + damping diag(J'WJ)) step = -J'W r.
+
+    Parameters
+    ----------
+    jacobian : ndarray [B, n, p]
+        J.
+    residuals : ndarray [B, n]
+        r.
+    damping : ndarray [B]
+        The damping factors.
+    weights : ndarray [B, n], optional
+        W; one by default.
+
+    Returns
+    -------
+    ndarray [B, p]
+        The steps; zero in a parameter on which no residual depends.
     """
     transposed = np.swapaxes(jacobian if weights is None else jacobian * weights[..., None], 1, 2)
     normal = transposed @ jacobian
     side = transposed @ residuals[..., None]
-    # a parameter that no residual depends on must not make the system singular
+    # a parameter on which no residual depends must not make the system singular
     diagonal = np.diagonal(normal, axis1=1, axis2=2)
     ridge = damping[:, None] * diagonal + 1e-15 * diagonal.sum(axis=1, keepdims=True) + TINY
     normal = normal + np.eye(normal.shape[-1]) * ridge[:, None, :]
@@ -56,45 +71,60 @@ def minimize(
 
     Parameters
     ----------
-    state
-        The starts.
-    linearize, retract
+    state : tuple of ndarray [B, ...]
+        Initial solutions.
+    linearize, retract : callable
         The problem; see ``Linearize`` and ``Retract``.
-    rounds
-        Bound on the number of steps.
-    weights
-        Of the residuals, [B, n]; one by default.
-    tolerance
-        A problem rests when its cost changes by no more than this share of it.
+    rounds : int
+        Maximum number of steps.
+    weights : ndarray [B, n], optional
+        Weights of the residuals; one by default.
+    tolerance : float
+        A problem has converged when the relative change of its cost is not larger.
 
     Returns
     -------
-    state
-        The solutions. A step that would raise a cost is never taken.
+    tuple of ndarray [B, ...]
+        The solutions. A step that would increase the cost is never taken.
+
+    Examples
+    --------
+    Square roots, as least squares of x^2 - a:
+
+    >>> import numpy as np
+    >>> a = np.array([[2.0], [9.0]])
+    >>> def linearize(state, rows):
+    ...     return state[0] ** 2 - a[rows], 2 * state[0][..., None]
+    >>> def retract(state, steps):
+    ...     return (state[0] + steps,)
+    >>> (x,) = minimize((np.ones((2, 1)),), linearize, retract, rounds=20)
+    >>> x.round(6).ravel().tolist()
+    [1.414214, 3.0]
     """
     state = tuple(np.array(part) for part in state)
-    moving = np.arange(len(state[0]))
-    damping = np.full(len(moving), FIRST_DAMPING)
-    residuals, jacobian = linearize(state, moving)
+    active = np.arange(len(state[0]))
+    damping = np.full(len(active), FIRST_DAMPING)
+    residuals, jacobian = linearize(state, active)
     for _ in range(rounds):
-        if not len(moving):
+        if not len(active):
             break
-        own = None if weights is None else weights[moving]
-        step = damped_step(jacobian, residuals, damping, own)
-        proposed = retract(tuple(part[moving] for part in state), step)
-        new_residuals, new_jacobian = linearize(proposed, moving)
-        cost, new_cost = _cost(residuals, own), _cost(new_residuals, own)
+        selected = None if weights is None else weights[active]
+        step = damped_step(jacobian, residuals, damping, selected)
+        proposed = retract(tuple(part[active] for part in state), step)
+        new_residuals, new_jacobian = linearize(proposed, active)
+        cost, new_cost = _cost(residuals, selected), _cost(new_residuals, selected)
         better = new_cost < cost
         for part, new in zip(state, proposed, strict=True):
-            part[moving[better]] = new[better]
+            part[active[better]] = new[better]
         damping *= np.where(better, DECREASE, INCREASE)
-        going = np.abs(new_cost - cost) > tolerance * cost
-        residuals = np.where(better[:, None], new_residuals, residuals)[going]
-        jacobian = np.where(better[:, None, None], new_jacobian, jacobian)[going]
-        moving, damping = moving[going], damping[going]
+        unfinished = np.abs(new_cost - cost) > tolerance * cost
+        residuals = np.where(better[:, None], new_residuals, residuals)[unfinished]
+        jacobian = np.where(better[:, None, None], new_jacobian, jacobian)[unfinished]
+        active, damping = active[unfinished], damping[unfinished]
     return state
 
 
 def _cost(residuals: Floats, weights: Floats | None) -> Floats:
+    """Weighted sums of squared residuals [B]."""
     squared = residuals**2
     return np.asarray((squared if weights is None else weights * squared).sum(axis=1))

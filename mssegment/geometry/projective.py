@@ -1,4 +1,4 @@
-"""Homogeneous coordinates, and points mapped by homographies."""
+"""Homogeneous coordinates, and homographies applied to points."""
 
 from __future__ import annotations
 
@@ -6,12 +6,12 @@ import numpy as np
 
 from mssegment.records import Floats
 
-LEAST_DEPTH = 1e-12
-"""Homogeneous depths nearer to zero than this are replaced by it before a division."""
+MIN_DEPTH = 1e-12
+"""Homogeneous depths of smaller magnitude are replaced by this before division."""
 
 
 def homogeneous(points: Floats) -> Floats:
-    """Points [..., d] with a one behind their coordinates, [..., d + 1]."""
+    """Append a one to the coordinates of points: [..., d] to [..., d + 1]."""
     return np.concatenate([points, np.ones((*points.shape[:-1], 1))], axis=-1)
 
 
@@ -21,39 +21,48 @@ def homogeneous_rows(points: Floats) -> Floats:
 
 
 def transfer(
-    matrices: Floats, rows: Floats, least_depth: float = LEAST_DEPTH
+    matrices: Floats, rows: Floats, min_depth: float = MIN_DEPTH
 ) -> tuple[Floats, Floats, Floats]:
-    """Images of points under homographies: H x in inhomogeneous coordinates.
+    """Apply homographies to points: H x in inhomogeneous coordinates.
 
     Parameters
     ----------
-    matrices
-        Homographies, [B, 3, 3] or flattened [B, 9].
-    rows
-        Homogeneous points as rows, [3, P], or [B, 3, P] where every homography has its own.
-    least_depth
-        Depths of a smaller magnitude are replaced by it before the division.
+    matrices : ndarray [B, 3, 3] or [B, 9]
+        Homographies.
+    rows : ndarray [3, P] or [B, 3, P]
+        Homogeneous points as rows: the same for all homographies, or P for each.
+    min_depth : float
+        Depths of smaller magnitude are replaced by it before division.
 
     Returns
     -------
-    x, y, depth
-        Image coordinates and homogeneous depth, [B, P] each. A depth that is not positive means
-        that the point is mapped behind the camera.
+    x, y : ndarray [B, P]
+        Image coordinates.
+    depth : ndarray [B, P]
+        Homogeneous depths. Where the depth is not positive, the image is behind the camera.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> shift = np.array([[[1.0, 0.0, 5.0], [0.0, 1.0, 2.0], [0.0, 0.0, 1.0]]])
+    >>> x, y, depth = transfer(shift, homogeneous_rows(np.array([[1.0, 1.0], [3.0, 0.0]])))
+    >>> x.tolist(), y.tolist(), depth.tolist()
+    ([[6.0, 8.0]], [[3.0, 2.0]], [[1.0, 1.0]])
     """
     flat = matrices.reshape(-1, 9)
     x, y, depth = (_product(flat[:, i : i + 3], rows) for i in (0, 3, 6))
-    inverse = 1.0 / np.where(np.abs(depth) > least_depth, depth, least_depth)
+    inverse = 1.0 / np.where(np.abs(depth) > min_depth, depth, min_depth)
     x *= inverse
     y *= inverse
     return x, y, depth
 
 
 def transfer_sq_error(
-    matrices: Floats, start: Floats, end: Floats, least_depth: float = 1e-9
+    matrices: Floats, start: Floats, end: Floats, min_depth: float = 1e-9
 ) -> Floats:
     """Squared distances [B, P] of the images of ``start`` [3, P] (rows) from ``end`` [P, 2].
 
-    Infinite where a point is mapped behind the camera (depth up to ``least_depth``).
+    Infinite where a point is mapped behind the camera (depth at most ``min_depth``).
     """
     x, y, depth = transfer(matrices, start)
     x -= end[:, 0]
@@ -61,8 +70,9 @@ def transfer_sq_error(
     x *= x
     y *= y
     x += y
-    return np.where(depth > least_depth, x, np.inf)
+    return np.where(depth > min_depth, x, np.inf)
 
 
 def _product(row: Floats, rows: Floats) -> Floats:
+    """Products [B, P] of matrix rows [B, 3] with points as rows, [3, P] or [B, 3, P]."""
     return np.asarray(row @ rows if rows.ndim == 2 else (row[:, None] @ rows)[:, 0])

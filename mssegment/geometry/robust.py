@@ -1,4 +1,4 @@
-"""Robust weights, and the Student t distribution of groups of vectors with its EM.
+"""Robust weights, and EM for groups of vectors with Student t distributions.
 
 References
 ----------
@@ -14,8 +14,8 @@ import numpy as np
 
 from mssegment.records import Floats, Integers, Record
 
-REWEIGHTINGS = 3
-"""Rounds of iteratively reweighted moments in ``fit_student_t``."""
+STUDENT_T_ROUNDS = 3
+"""Rounds of reweighting in ``StudentTFit``."""
 
 
 def geman_mcclure_weights(squared: Floats, squared_scale: Floats | float) -> Floats:
@@ -24,10 +24,10 @@ def geman_mcclure_weights(squared: Floats, squared_scale: Floats | float) -> Flo
 
 
 def student_t_weights(squared: Floats, freedom: float, dimension: int) -> Floats:
-    """Weights (nu + d) / (nu + q) from squared Mahalanobis distances q of d-vectors.
+    """Weights (nu + d) / (nu + q) of d-dimensional vectors in a Student t distribution.
 
-    ``freedom`` is nu, the degrees of freedom; these weights maximize the likelihood of a
-    multivariate Student t distribution.
+    ``squared`` are squared Mahalanobis distances q and ``freedom`` is nu, the degrees of freedom.
+    Reweighting with these weights maximizes the likelihood.
     """
     return np.asarray((freedom + dimension) / (freedom + squared))
 
@@ -35,9 +35,14 @@ def student_t_weights(squared: Floats, freedom: float, dimension: int) -> Floats
 class StudentT(Record, frozen=True):
     """Student t distributions of G groups, evaluated at all P vectors.
 
-    ``squared`` [G, P] are squared Mahalanobis distances, ``log_det`` [G] the logarithm of the
-    determinant of each scatter matrix, ``weights`` [G, P] those of the last reweighting (0 for
-    vectors of other groups).
+    Attributes
+    ----------
+    squared : ndarray [G, P]
+        Squared Mahalanobis distances.
+    log_det : ndarray [G]
+        Logarithm of the determinant of each scatter matrix.
+    weights : ndarray [G, P]
+        Weights of the last reweighting; zero for vectors of other groups.
     """
 
     squared: Floats
@@ -46,11 +51,30 @@ class StudentT(Record, frozen=True):
 
 
 class StudentTFit:
-    """Fits Student t distributions to groups of the same vectors, many groups at a time."""
+    """Fit Student t distributions to groups of vectors, many groups at a time.
 
-    def __init__(self, vectors: Floats, freedom: float, least_spread: float) -> None:
-        """For vectors [P, D]; ``least_spread`` is the standard deviation added to each axis."""
-        self._vectors, self._freedom, self._least_spread = vectors, freedom, least_spread
+    Parameters
+    ----------
+    vectors : ndarray [P, D]
+        All vectors.
+    freedom : float
+        Degrees of freedom of the distributions.
+    min_spread : float
+        Standard deviation that is added along each axis, which keeps scatter matrices regular.
+
+    Examples
+    --------
+    A distant vector does not influence the distribution of the others:
+
+    >>> import numpy as np
+    >>> vectors = np.array([[0.0], [1.0], [2.0], [3.0], [1000.0]])
+    >>> fitted = StudentTFit(vectors, freedom=1.0, min_spread=0.1)(np.ones((1, 5)))
+    >>> fitted.weights.shape, bool(fitted.weights[0, 4] < 0.5 * fitted.weights[0, 2])
+    ((1, 5), True)
+    """
+
+    def __init__(self, vectors: Floats, freedom: float, min_spread: float) -> None:
+        self._vectors, self._freedom, self._min_spread = vectors, freedom, min_spread
         self._upper = np.triu_indices(vectors.shape[1])
         self._products = vectors[:, self._upper[0]] * vectors[:, self._upper[1]]
 
@@ -59,47 +83,59 @@ class StudentTFit:
         dimensions = self._vectors.shape[1]
         sizes = members.sum(axis=1)[:, None, None]
         weights = members
-        for _ in range(REWEIGHTINGS):
-            used = weights
-            total = used.sum(axis=1)
-            middle = used @ self._vectors / total[:, None]
+        for _ in range(STUDENT_T_ROUNDS):
+            last_weights = weights
+            total = weights.sum(axis=1)
+            mean = weights @ self._vectors / total[:, None]
             scatter = np.empty((len(members), dimensions, dimensions))
-            moments = used @ self._products
+            moments = weights @ self._products
             scatter[:, self._upper[0], self._upper[1]] = moments
             scatter[:, self._upper[1], self._upper[0]] = moments
-            scatter -= total[:, None, None] * middle[:, :, None] * middle[:, None, :]
-            lower = np.linalg.cholesky(scatter / sizes + self._least_spread**2 * np.eye(dimensions))
-            away = np.linalg.inv(lower) @ (self._vectors.T - middle[:, :, None])
-            squared = (away**2).sum(axis=1)
+            scatter -= total[:, None, None] * mean[:, :, None] * mean[:, None, :]
+            lower = np.linalg.cholesky(scatter / sizes + self._min_spread**2 * np.eye(dimensions))
+            whitened = np.linalg.inv(lower) @ (self._vectors.T - mean[:, :, None])
+            squared = (whitened**2).sum(axis=1)
             weights = members * student_t_weights(squared, self._freedom, dimensions)
         log_det = 2 * np.log(np.diagonal(lower, axis1=1, axis2=2)).sum(axis=1)
-        return StudentT(squared, log_det, used)
+        return StudentT(squared, log_det, last_weights)
 
 
 def hard_em(
-    labels: Integers, costs: Callable[[Floats], Floats], rounds: int, fewest: int
+    labels: Integers, costs: Callable[[Floats], Floats], rounds: int, min_size: int
 ) -> Integers:
-    """Hard expectation maximization: each vector joins the group in which it costs least.
+    """Cluster by hard expectation maximization: each vector joins the group of least cost.
 
     Parameters
     ----------
-    labels
-        Start, [P].
-    costs
-        Costs [G, P] of all vectors in the groups given by ``members`` [G, P] (0 or 1).
-    rounds
-        Bound on the number of rounds.
-    fewest
-        Groups of fewer vectors dissolve.
+    labels : ndarray [P] of int
+        Initial labels.
+    costs : callable
+        Maps groups ``members`` [G, P] (0 or 1) to the costs [G, P] of all vectors in them.
+    rounds : int
+        Maximum number of rounds.
+    min_size : int
+        Groups of fewer vectors are dissolved.
 
     Returns
     -------
-    labels
-        0, 1, ... without gaps, [P]; all zero where every group dissolved.
+    ndarray [P] of int
+        Labels 0, 1, ... without gaps; all zero if every group was dissolved.
+
+    Examples
+    --------
+    With squared distances from the mean as costs this is k-means:
+
+    >>> import numpy as np
+    >>> x = np.array([0.0, 1.0, 0.5, 9.0, 10.0])
+    >>> def costs(members):
+    ...     means = members @ x / members.sum(axis=1)
+    ...     return (x - means[:, None]) ** 2
+    >>> hard_em(np.array([0, 0, 1, 1, 1]), costs, rounds=10, min_size=2).tolist()
+    [0, 0, 0, 1, 1]
     """
     for _ in range(rounds):
         names, sizes = np.unique(labels, return_counts=True)
-        names = names[sizes >= fewest]
+        names = names[sizes >= min_size]
         if not len(names):
             return np.zeros(len(labels), dtype=np.int64)
         found = names[costs((labels == names[:, None]).astype(np.float64)).argmin(axis=0)]
@@ -110,5 +146,5 @@ def hard_em(
 
 
 def relabelled(labels: Integers) -> Integers:
-    """The same groups, numbered 0, 1, ... without gaps."""
+    """The same groups with labels 0, 1, ... without gaps."""
     return np.asarray(np.unique(labels, return_inverse=True)[1].ravel())

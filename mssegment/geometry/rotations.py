@@ -1,4 +1,4 @@
-"""Rotations of space, and directions on spheres."""
+"""Rotations of space, and unit vectors."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ def rotation(vectors: Floats) -> Floats:
     angle = np.linalg.norm(vectors, axis=-1)[..., None, None]
     cross_product = skew(vectors)
     versine = 0.5 * np.sinc(angle / (2 * np.pi)) ** 2
-    turned = np.sinc(angle / np.pi) * cross_product + versine * (cross_product @ cross_product)
-    return np.asarray(np.eye(3) + turned)
+    rotated = np.sinc(angle / np.pi) * cross_product + versine * (cross_product @ cross_product)
+    return np.asarray(np.eye(3) + rotated)
 
 
 def skew(vectors: Floats) -> Floats:
@@ -26,22 +26,21 @@ def skew(vectors: Floats) -> Floats:
 
 
 def degrees(rotations: Floats) -> Floats:
-    """Angles of rotation matrices [..., 3, 3], degrees."""
+    """Angles of rotation matrices [..., 3, 3], in degrees."""
     half_sine = np.linalg.norm(rotations - np.eye(3), axis=(-2, -1)) / np.sqrt(8.0)
     return np.asarray(np.degrees(2 * np.arcsin(np.minimum(half_sine, 1.0))))
 
 
 def rotate_rays(rays: Floats, rotations: Floats) -> Floats:
-    """Rays (x, y, 1) [..., P, 3] rotated by R [B, 3, 3] and scaled to z = 1 again, [B, P, 3]."""
-    turned = rays @ np.swapaxes(rotations, -1, -2)
-    return np.asarray(turned / turned[..., 2:])
+    """Rotate rays (x, y, 1) [..., P, 3] by R [B, 3, 3] and scale them to z = 1, [B, P, 3]."""
+    rotated = rays @ np.swapaxes(rotations, -1, -2)
+    return np.asarray(rotated / rotated[..., 2:])
 
 
 def tangent_basis(directions: Floats) -> Floats:
     """Orthonormal bases [..., n, n - 1] of the tangent spaces of a sphere at unit vectors [..., n].
 
-    The columns of the Householder reflection that takes the direction to an axis, but for the
-    first.
+    The last columns of the Householder reflection that maps the unit vector to the first axis.
     """
     sign = np.where(directions[..., :1] < 0, -1.0, 1.0)
     normal = np.concatenate([directions[..., :1] + sign, directions[..., 1:]], axis=-1)
@@ -51,6 +50,6 @@ def tangent_basis(directions: Floats) -> Floats:
 
 
 def step_on_sphere(directions: Floats, steps: Floats) -> Floats:
-    """Unit vectors [B, n] after ``steps`` [B, n - 1] in the coordinates of ``tangent_basis``."""
+    """Move unit vectors [B, n] by ``steps`` [B, n - 1] in the coordinates of ``tangent_basis``."""
     moved = directions + (tangent_basis(directions) @ steps[..., None])[..., 0]
     return np.asarray(moved / np.linalg.norm(moved, axis=-1, keepdims=True))

@@ -1,7 +1,7 @@
-"""What a motion model is: an elemental subset, fits, residuals, and the manifold it lives on.
+"""The interface of motion models: elemental subset, fits, residuals, and the manifold.
 
-Everything is batched: B hypotheses at a time against P tracks. A model sees the tracks normalized
-(``normalization`` says how, ``records.Normalization`` keeps it); residuals come back in pixels.
+Everything is batched: B hypotheses at a time against P tracks. Models work in normalized
+coordinates (``MotionModel.normalization``, ``records.Normalization``); residuals are in pixels.
 """
 
 from __future__ import annotations
@@ -20,55 +20,60 @@ from mssegment.records import Camera, Floats, Normalization
 Flags = npt.NDArray[np.bool_]
 
 EXAMPLE_CAMERA = Camera(800.0, 780.0, 320.0, 240.0)
-"""The camera that took the example tracks of calibrated models."""
+"""The camera of the example tracks of calibrated models."""
 
 
 class MotionModel(ABC):
-    """One motion model for a given number of frames.
+    """A motion model for a given number of frames F.
 
-    A model brings its manifold, its elemental subset, its fits and its residual; sampling, mean
-    shift and selection are the same for every model. Where models differ otherwise, the class
-    variables below say so; no code asks for a model's name.
+    A model defines its manifold, its elemental subset, its fits and its residual. Sampling, mean
+    shift and selection are the same for all models. Other differences between models are class
+    variables; no code compares names of models.
+
+    Shapes: B hypotheses or motions, P tracks, F frames, k tracks in an elemental subset.
 
     Attributes
     ----------
-    manifold
-        Where the hypotheses are points.
-    subset_size
-        Tracks in an elemental subset.
-    parameters
+    manifold : Manifold
+        The manifold of the hypotheses.
+    frames : int
+        Number of frames F.
+    subset_size : int
+        Number of tracks k in an elemental subset.
+    parameters : int
         Degrees of freedom of one motion.
-    residual_dimension
-        Dimension c of the residual of one track, in the likelihood of a track.
-    residual_terms
-        The squared residual vector of a track is this times its residual squared: 1, or F where
-        the residual is per frame. With noise sigma in each coordinate its mean is c sigma^2.
+    residual_dimension : int
+        Dimension c of the residual vector of a track; its distribution is used as a likelihood.
+    residual_terms : int
+        Ratio of the squared norm of the residual vector to the squared residual: 1, or F if the
+        residual is per frame. With noise of standard deviation sigma in each coordinate the
+        expected squared norm is c sigma^2.
     """
 
     name: ClassVar[str]
     purpose: ClassVar[str]
-    """What to use the model for, in a few words."""
+    """What the model is for, in a few words."""
     in_auto: ClassVar[bool] = False
-    """``hypothesize.model: auto`` tries this model on tracks over the frames that it can see."""
+    """``hypothesize.model: auto`` includes this model if it accepts the number of frames."""
     needs_camera: ClassVar[bool] = False
     assumes_no_rotation: ClassVar[bool] = False
-    """The rotation of the camera must be compensated before."""
+    """The model does not allow for rotation of the camera, which must be compensated first."""
     min_frames: ClassVar[int] = 2
     max_frames: ClassVar[int | None] = 2
     has_ranks: ClassVar[bool] = False
-    """The rank k of its subspaces may be chosen: 3 planar, 4 general."""
+    """The dimension k of its subspaces is an option: 3 planar, 4 general."""
     min_displacement: ClassVar[float] = 0.0
-    """Pixels; a match that moved less says nothing about a motion and is in no subset."""
+    """Matches that moved less, in pixels, do not constrain a motion and are not sampled."""
     leaves_parallax_free: ClassVar[bool] = False
-    """A motion and a point of one frame do not give the points of the other frames."""
+    """A motion and the point in one frame do not determine the point in the other frames."""
     planar_under_perspective: ClassVar[bool] = False
-    """A motion is that of a plane under perspective, which may be part of a larger body."""
+    """A motion is that of a plane under perspective, which may be part of a larger object."""
     is_local: ClassVar[bool] = False
-    """Hypotheses hold near their elemental subset only, as those of a plane or a patch."""
-    neighbours: ClassVar[int] = 12
-    """In long sequences a subset is a seed and some of so many nearest tracks."""
+    """A hypothesis holds only near its elemental subset, like that of a plane or a patch."""
+    sampling_neighbours: ClassVar[int] = 12
+    """In long sequences, a subset is a seed and some of this many nearest neighbours."""
     marked_share: ClassVar[float] = 0.1
-    """Share of a set's hypotheses, those that fit a track best, that the track marks."""
+    """Share of the hypotheses of a set that a track marks: those that fit it best."""
 
     manifold: Manifold
     frames: int = 2
@@ -79,46 +84,73 @@ class MotionModel(ABC):
 
     @classmethod
     def build(cls, frames: int, rank: int) -> MotionModel:
-        """The model for tracks over ``frames`` frames; ``rank`` where it ``has_ranks``."""
+        """Construct the model for ``frames`` frames; ``rank`` matters if it ``has_ranks``."""
         del frames, rank
         return cls()
 
     @classmethod
     def on_manifold(cls, manifold: Manifold, frames: int) -> MotionModel:
-        """The model whose hypotheses over ``frames`` frames lie on ``manifold``.
+        """Construct the model whose hypotheses over ``frames`` frames lie on ``manifold``.
 
-        Raises DataError where there is none.
+        Raises
+        ------
+        DataError
+            If the model does not accept the number of frames, or has another manifold.
         """
         if frames < cls.min_frames or frames > (cls.max_frames or frames):
-            raise DataError(f"model {cls.name} over {frames} frames")
+            raise DataError(f"model {cls.name} does not accept {frames} frames")
         model = cls._for_manifold(manifold, frames)
         if model.manifold.name != manifold.name:
             raise DataError(
-                f"model {cls.name} over {frames} frames lives on {model.manifold.name}, "
-                f"found {manifold.name}"
+                f"model {cls.name} over {frames} frames belongs to manifold "
+                f"{model.manifold.name}; found {manifold.name}"
             )
         return model
 
     @classmethod
     def _for_manifold(cls, manifold: Manifold, frames: int) -> MotionModel:
-        """The model that ``manifold`` suggests; ``on_manifold`` checks that it is the right one."""
+        """The model with the parameters of ``manifold``; ``on_manifold`` checks that they agree."""
         del manifold
         return cls.build(frames, 3)
 
     @classmethod
     def accepts(cls, frames: int) -> bool:
-        """Whether the model is one of tracks over so many frames."""
+        """Whether the model accepts tracks over ``frames`` frames."""
         return cls.min_frames <= frames <= (cls.max_frames or frames)
 
     @abstractmethod
     def example_tracks(self, rng: np.random.Generator, count: int) -> Floats:
-        """Exact tracks of one random motion, [count, F, 2] pixels; ``EXAMPLE_CAMERA`` took them."""
+        """Generate exact tracks of one random motion, as seen by ``EXAMPLE_CAMERA``.
+
+        Parameters
+        ----------
+        rng : numpy.random.Generator
+            Source of random numbers.
+        count : int
+            Number of tracks.
+
+        Returns
+        -------
+        ndarray [count, F, 2]
+            Positions in pixels, without noise.
+        """
 
     def normalization(self, points: Floats, camera: Camera | None = None) -> Normalization:
-        """How this model sees the tracks ``points`` [P, F, 2] (pixels).
+        """Determine the normalized coordinates for these tracks.
 
-        Each view is centred, all are divided by their common rms radius (in raw pixels the distance
-        on the manifold would depend on the corner of the picture).
+        By default each frame is centred, and all are divided by their common rms radius. (In
+        pixels, distances on the manifold would depend on where the image has its origin.)
+
+        Parameters
+        ----------
+        points : ndarray [P, F, 2]
+            Tracks in pixels.
+        camera : Camera, optional
+            The calibration; required if ``needs_camera``.
+
+        Returns
+        -------
+        Normalization
         """
         del camera
         centres = points.mean(axis=0)
@@ -126,100 +158,153 @@ class MotionModel(ABC):
         return Normalization(centres, max(radius, 1.0))
 
     def observe(self, points: Floats, normalization: Normalization) -> Floats:
-        """The tracks [P, F, 2] (pixels), normalized."""
+        """Normalize tracks: pixels [P, F, 2] to normalized coordinates [P, F, 2]."""
         return np.asarray((points - normalization.centres) / normalization.scale)
 
     @abstractmethod
     def minimal_fit(self, samples: Floats) -> tuple[Floats, Flags]:
-        """Hypotheses of the elemental subsets [B, k, F, 2]: points [B, ...] and which are sound.
+        """Compute hypotheses from elemental subsets (the minimal solver).
 
-        Degenerate and absurd subsets are False in the second array; their points are arbitrary.
+        Parameters
+        ----------
+        samples : ndarray [B, k, F, 2]
+            Elemental subsets, normalized.
+
+        Returns
+        -------
+        points : ndarray [B, ...]
+            Hypotheses, points on the manifold; arbitrary for invalid subsets.
+        valid : ndarray [B] of bool
+            False for degenerate subsets and for implausible motions.
         """
 
     @abstractmethod
     def fit(self, observed: Floats, weights: Floats) -> tuple[Floats, Flags]:
-        """Least-squares motions of the tracks [P, F, 2] under the weights [B, P]; as above.
+        """Fit motions by weighted least squares (the non-minimal solver).
 
-        Or each of tracks of its own: [B, n, F, 2] under the weights [B, n].
+        Parameters
+        ----------
+        observed : ndarray [P, F, 2] or [B, n, F, 2]
+            Normalized tracks: the same for all motions, or n for each motion.
+        weights : ndarray [B, P] or [B, n]
+            Nonnegative weights of the tracks.
+
+        Returns
+        -------
+        points : ndarray [B, ...]
+            Motions, points on the manifold; arbitrary where not valid.
+        valid : ndarray [B] of bool
+            Whether the weighted tracks determine a plausible motion.
         """
 
     def algebraic_fit(self, observed: Floats, weights: Floats) -> tuple[Floats, Flags]:
-        """M-hat of equation (24): minimizes the mean square of ``algebraic_residuals``."""
+        """Minimize the mean square of ``algebraic_residuals``: M-hat of equation (24)."""
         return self.fit(observed, weights)
 
     @abstractmethod
     def residuals(self, points: Floats, observed: Floats, normalization: Normalization) -> Floats:
-        """Distances in pixels (per frame) of the tracks [P, F, 2] from the motions, [B, P].
+        """Compute the distances of tracks from motions, in pixels per frame.
 
-        Or of each motion from tracks of its own, [B, n, F, 2], [B, n].
+        Parameters
+        ----------
+        points : ndarray [B, ...]
+            Motions, points on the manifold.
+        observed : ndarray [P, F, 2] or [B, n, F, 2]
+            Normalized tracks: the same for all motions, or n for each motion.
+        normalization : Normalization
+            The normalization of the tracks.
+
+        Returns
+        -------
+        ndarray [B, P] or [B, n]
+            Residuals in pixels, infinite where a point would be behind the camera.
         """
 
     def algebraic_residuals(
         self, points: Floats, observed: Floats, normalization: Normalization
     ) -> Floats:
-        """|M(p_i)| of equations (23) and (24), [B, P], in the units of the paper's table.
+        """Compute |M(p_i)| of equations (23) and (24), [B, P], in the units of the paper's tables.
 
-        For models of two views the residual itself, pixels.
+        By default these are the ``residuals``.
         """
         return self.residuals(points, observed, normalization)
 
     def ranking_sq_residuals(self, points: Floats, observed: Floats) -> Floats:
-        """Squared residuals that rank the hypotheses [B, ...] for each track, [P, B].
+        """Squared residuals by which a track ranks the hypotheses, in normalized units, [P, B].
 
-        Normalized coordinates; tracks come first because each is ranked by itself.
+        Tracks are along the first axis, because the hypotheses are ranked for each track
+        separately.
         """
         unit = Normalization(np.zeros((self.frames, 2)), 1.0)
         return np.asarray(self.residuals(points, observed, unit).T ** 2)
 
     def orientations(self, points: Floats) -> Floats:
-        """The motions that the points [B, ...] of the manifold may stand for, one or more each.
+        """List the oriented motions that points [B, ...] of the manifold may represent.
 
-        All first ones, then all second ones, if any: [n B, ...].
+        Returns [n B, ...]: the first orientation of all points, then the second, and so on. The
+        default is n = 1.
         """
         return points
 
     def displacements(
         self, points: Floats, observed: Floats, normalization: Normalization
     ) -> Floats | None:
-        """How far each track moved where the motions [B, ...] leave it free, pixels [B, P]."""
+        """Displacement of each track along the direction that a motion leaves free.
+
+        Returns pixels [B, P], or None if the model predicts points.
+        """
         del points, observed, normalization
         return None
 
     def remarks(self, labels: Sequence[int], points: Floats) -> tuple[str, ...]:
-        """What a user should know about the motions ``points`` [m, ...] with these labels."""
+        """Notes for the user on motions ``points`` [m, ...] with the given labels."""
         del labels, points
         return ()
 
-    def free_extent(self, observed: Floats, normalization: Normalization) -> float:
-        """Natural log of the extent (pixels) along which a motion leaves a track free.
+    def log_free_extent(self, observed: Floats, normalization: Normalization) -> float:
+        """Natural logarithm of the extent, in pixels, along which a motion leaves a track free.
 
-        The part of a track's description that a motion does not predict, coded as uniform: zero
-        for affine and homography (the point of view 1 is given), for translation the epipolar
-        line, for factorization the k dimensions of the subspace.
+        The description length of a track codes the part that a motion does not predict as uniform
+        over this extent: 1 pixel (zero) for affine and homography, which predict the point in view
+        2 from that in view 1; the epipolar line for translation; the k dimensions of the subspace
+        for factorization.
         """
         del observed, normalization
         return 0.0
 
 
-def concentrated(weights: Floats, observed: Floats) -> tuple[Floats, Floats]:
-    """Weights [B, n] and tracks [B, n, F, 2] without most of those that weigh nothing.
+def drop_unweighted(weights: Floats, observed: Floats) -> tuple[Floats, Floats]:
+    """Gather the tracks of positive weight of each motion, to make the arrays smaller.
 
-    All as they are, [B, P] and [P, F, 2], where many tracks weigh, or each motion has its own.
+    Parameters
+    ----------
+    weights : ndarray [B, P]
+        Weights of the tracks.
+    observed : ndarray [P, F, 2]
+        Tracks.
+
+    Returns
+    -------
+    weights : ndarray [B, n]
+    observed : ndarray [B, n, F, 2]
+        Both unchanged if a motion gives weight to more than half of the tracks, or if each motion
+        has its own tracks already.
     """
-    some = weights > 0
-    count = some.sum(axis=1)
-    most = max(int(count.max(initial=0)), 1)
-    if observed.ndim == 4 or 2 * most > weights.shape[1]:
+    positive = weights > 0
+    count = positive.sum(axis=1)
+    largest = max(int(count.max(initial=0)), 1)
+    if observed.ndim == 4 or 2 * largest > weights.shape[1]:
         return weights, observed
-    row, track = np.nonzero(some)
-    place = np.arange(len(row)) - np.repeat(np.cumsum(count) - count, count)
-    few, places = np.zeros((len(weights), most)), np.zeros((len(weights), most), dtype=np.int64)
-    few[row, place], places[row, place] = weights[row, track], track
-    return few, observed[places]
+    row, track = np.nonzero(positive)
+    column = np.arange(len(row)) - np.repeat(np.cumsum(count) - count, count)
+    gathered = np.zeros((len(weights), largest))
+    tracks = np.zeros(gathered.shape, dtype=np.int64)
+    gathered[row, column], tracks[row, column] = weights[row, track], track
+    return gathered, observed[tracks]
 
 
-def weighted_sums(weights: Floats, numbers: Floats) -> Floats:
-    """Sums [B, d] of ``numbers``, [P, d] or [B, P, d], under the weights [B, P]."""
-    if numbers.ndim == 2:
-        return np.asarray(weights @ numbers)
-    return np.asarray((weights[:, None] @ numbers)[:, 0])
+def weighted_sums(weights: Floats, values: Floats) -> Floats:
+    """Sums [B, d] of ``values``, [P, d] or [B, P, d], with weights [B, P]."""
+    if values.ndim == 2:
+        return np.asarray(weights @ values)
+    return np.asarray((weights[:, None] @ values)[:, 0])

@@ -1,4 +1,4 @@
-"""Tracks of one body under an affine camera: a k-dimensional subspace of R^2F, section 5.4."""
+"""Tracks of one motion under an affine camera: a k-dimensional subspace of R^2F, section 5.4."""
 
 from __future__ import annotations
 
@@ -7,20 +7,21 @@ from typing import ClassVar
 import numpy as np
 
 from mssegment.manifolds import Grassmann, Manifold
-from mssegment.models.base import Flags, MotionModel, concentrated
+from mssegment.models.base import Flags, MotionModel, drop_unweighted
 from mssegment.records import Camera, Floats, Normalization
 
-LEAST_SINGULAR_VALUE = 1e-3
-"""Of a subset's vectors, over the largest one: below it they span fewer than k dimensions."""
-CANCELLED = 1e-9
-"""|w|^2 - |x'w|^2 over |w|^2 below which rounding would show in the residual."""
+MIN_SINGULAR_VALUE_RATIO = 1e-3
+"""Smallest singular value of the vectors of a subset, relative to the largest; below it they span
+fewer than k dimensions."""
+CANCELLATION = 1e-9
+"""Where |w|^2 - |x'w|^2 is less than this share of |w|^2, rounding errors would dominate."""
 
 
 class Factorization(MotionModel):
-    """Feature vectors of one motion span a subspace; its elemental subset is k tracks.
+    """The trajectories of one motion span a subspace of dimension ``rank`` in R^2F.
 
-    ``rank`` k is 3 for planar bodies (the paper) and 4 in general. The residual is the distance
-    to the subspace in pixels per frame.
+    An elemental subset is k tracks, where the rank k is 3 for planar motions (as in the paper) and
+    4 in general. The residual is the distance to the subspace in pixels per frame.
     """
 
     name: ClassVar[str] = "factorization"
@@ -33,13 +34,13 @@ class Factorization(MotionModel):
     max_frames: ClassVar[int | None] = None
 
     def __init__(
-        self, frames: int, rank: int = 3, least_singular_value: float = LEAST_SINGULAR_VALUE
+        self, frames: int, rank: int = 3, min_singular_value_ratio: float = MIN_SINGULAR_VALUE_RATIO
     ) -> None:
-        """For ``frames`` frames; a subset is valid above ``least_singular_value``."""
+        """For ``frames`` frames; a subset is valid above ``min_singular_value_ratio``."""
         self.manifold = Grassmann(2 * frames, rank)
         self.frames = frames
         self.rank = rank
-        self.least_singular_value = least_singular_value
+        self.min_singular_value_ratio = min_singular_value_ratio
         self.subset_size = rank
         self.parameters = rank * (2 * frames - rank)
         self.residual_dimension = 2 * frames - rank
@@ -55,16 +56,16 @@ class Factorization(MotionModel):
         return cls(frames, manifold.k if isinstance(manifold, Grassmann) else 3)
 
     def example_tracks(self, rng: np.random.Generator, count: int) -> Floats:
-        """A body under an affine camera that turns at random from frame to frame."""
+        """A rigid object under an affine camera in a new random pose in each frame."""
         shape = rng.uniform(-60.0, 60.0, (count, self.rank - 1))
         views = [shape @ rng.normal(size=(self.rank - 1, 2)) for _ in range(self.frames)]
         return np.stack([view + rng.uniform(100.0, 400.0, 2) for view in views], axis=1)
 
     def normalization(self, points: Floats, camera: Camera | None = None) -> Normalization:
-        """One origin for all frames, the middle of all tracks; divided by their rms radius.
+        """One origin for all frames, the mean of all positions; divided by their rms radius.
 
-        Centring each frame would take away the path that all tracks share: the subspace of a body
-        that moves with the mean would lose a dimension.
+        Centring each frame would subtract the path that all tracks share, and the subspace of a
+        motion along the mean path would lose a dimension.
         """
         del camera
         middle = points.mean(axis=(0, 1))
@@ -72,18 +73,18 @@ class Factorization(MotionModel):
         return Normalization(np.tile(middle, (points.shape[1], 1)), max(radius, 1.0))
 
     def minimal_fit(self, samples: Floats) -> tuple[Floats, Flags]:
-        """The span of k feature vectors [B, k, F, 2] by an SVD; fewer dimensions are unsound."""
+        """The span of k trajectories [B, k, F, 2] by an SVD; invalid below dimension k."""
         vectors = np.swapaxes(samples.reshape(len(samples), self.rank, 2 * self.frames), 1, 2)
         basis, values, _ = np.linalg.svd(vectors, full_matrices=False)
-        valid = values[:, -1] > self.least_singular_value * np.maximum(values[:, 0], 1e-12)
+        valid = values[:, -1] > self.min_singular_value_ratio * np.maximum(values[:, 0], 1e-12)
         return basis, np.asarray(valid)
 
     def fit(self, observed: Floats, weights: Floats) -> tuple[Floats, Flags]:
-        """The k leading principal directions of the weighted feature vectors."""
+        """The k leading principal directions of the weighted trajectories."""
         if not weights.size:
             return np.zeros((0, *self.manifold.point_shape)), np.zeros(0, dtype=bool)
-        # a hypothesis is fitted to a handful of tracks: the others have no weight
-        weights, observed = concentrated(weights, observed)
+        # most tracks have no weight when a hypothesis is fitted to a few of them
+        weights, observed = drop_unweighted(weights, observed)
         vectors = observed.reshape(*observed.shape[:-2], 2 * self.frames)
         if vectors.ndim == 3 and self.rank <= vectors.shape[1] < vectors.shape[2]:
             used = np.sqrt(weights)[..., None] * vectors
@@ -98,40 +99,40 @@ class Factorization(MotionModel):
         return directions, np.asarray(least > 1e-12 * np.maximum(values[:, -1], 1e-12))
 
     def residuals(self, points: Floats, observed: Floats, normalization: Normalization) -> Floats:
-        """Distance to the subspace over sqrt(F), pixels [B, P]."""
+        """Distance to the subspace over sqrt(F), in pixels [B, P]."""
         distance = self.algebraic_residuals(points, observed, normalization)
         return np.asarray(distance / np.sqrt(self.frames))
 
     def algebraic_residuals(
         self, points: Floats, observed: Floats, normalization: Normalization
     ) -> Floats:
-        """Distance of the feature vector to the subspace, pixels, as in the table of Fig. 3."""
+        """Distance of the trajectory to the subspace, in pixels, as in the table of Fig. 3."""
         vectors = observed.reshape(*observed.shape[:-2], 2 * self.frames)
         along = vectors @ points
         whole = (vectors**2).sum(axis=-1)
         squared = whole - (along**2).sum(axis=2)
-        # where this cancels, the rejected part itself is exact
-        motion, track = np.nonzero(squared < CANCELLED * whole)
-        across = vectors[track] if vectors.ndim == 2 else vectors[motion, track]
-        across = across - (points[motion] @ along[motion, track, :, None])[..., 0]
-        squared[motion, track] = (across**2).sum(axis=1)
+        # where the difference cancels, compute the orthogonal component itself
+        motion, track = np.nonzero(squared < CANCELLATION * whole)
+        rejected = vectors[track] if vectors.ndim == 2 else vectors[motion, track]
+        rejected = rejected - (points[motion] @ along[motion, track, :, None])[..., 0]
+        squared[motion, track] = (rejected**2).sum(axis=1)
         return np.asarray(np.sqrt(squared) * normalization.scale)
 
     def ranking_sq_residuals(self, points: Floats, observed: Floats) -> Floats:
-        """Squared distances of the feature vectors to the subspaces, [P, B]."""
+        """Squared distances of the trajectories to the subspaces, normalized, [P, B]."""
         vectors = observed.reshape(len(observed), -1)
         apart = np.repeat((vectors**2).sum(axis=1)[:, None], len(points), axis=1)
         for k in range(points.shape[2]):
             apart -= (vectors @ points[:, :, k].T) ** 2
         return np.asarray(np.maximum(apart, 0.0))
 
-    def free_extent(self, observed: Floats, normalization: Normalization) -> float:
-        """The place of a track in the first frame, and k - 2 more coordinates in the subspace.
+    def log_free_extent(self, observed: Floats, normalization: Normalization) -> float:
+        """The position of a track in the first frame, and k - 2 more coordinates in the subspace.
 
-        Two of the k dimensions are where the track begins. The others say how it moves from frame
-        to frame, so their extent is that of the displacements, not that of the picture.
+        Two of the k dimensions are the position in the first frame. The others describe the motion
+        from frame to frame, so their extent is that of the displacements, not that of the image.
         """
         points = observed * normalization.scale
-        place = np.log(np.maximum(np.ptp(points[:, 0], axis=0), 1.0)).sum()
+        position = np.log(np.maximum(np.ptp(points[:, 0], axis=0), 1.0)).sum()
         displacement = np.ptp(np.diff(points, axis=1).reshape(-1, 2), axis=0).max()
-        return float(place + (self.rank - 2) * np.log(max(displacement, 1.0)))
+        return float(position + (self.rank - 2) * np.log(max(displacement, 1.0)))

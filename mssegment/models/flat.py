@@ -8,19 +8,20 @@ import numpy as np
 
 from mssegment.geometry.projective import homogeneous
 from mssegment.manifolds import Grassmann
-from mssegment.models.base import Flags, MotionModel, concentrated
+from mssegment.models.base import Flags, MotionModel, drop_unweighted
 from mssegment.records import Floats, Normalization
 
-LEAST_DIAGONAL = 1e-6
-"""Of the triangular factor of a subset, over the largest: below it the matches are collinear."""
+MIN_DIAGONAL_RATIO = 1e-6
+"""Smallest diagonal entry of the triangular factor of a subset, relative to the largest; below
+it the matches are collinear."""
 
 
 class Flat(MotionModel):
-    """The matches (x, y, x', y') of a patch lie on a 2-flat of R^4.
+    """The matches (x, y, x', y') of a planar patch lie on a 2-flat of R^4.
 
-    In homogeneous coordinates an affine k-flat of R^n is a (k + 1)-dimensional subspace of
-    R^(n + 1): three matches make a point of G(5,3). The residual is the distance to the flat over
-    sqrt 2, pixels per frame, which treats both views alike.
+    In homogeneous coordinates an affine k-flat of R^n is a (k + 1)-dimensional subspace of R^(n +
+    1), so three matches determine a point of G(5,3). The residual is the distance to the flat over
+    sqrt(2), in pixels per frame, which treats both views alike.
     """
 
     name: ClassVar[str] = "flat"
@@ -36,7 +37,7 @@ class Flat(MotionModel):
         self.residual_terms = 2
 
     def example_tracks(self, rng: np.random.Generator, count: int) -> Floats:
-        """Points under an affine map."""
+        """Points under a random affine map."""
         x = rng.uniform([50.0, 50.0], [300.0, 250.0], (count, 2))
         linear = np.eye(2) + rng.uniform(-0.2, 0.2, (2, 2))
         return np.stack([x, x @ linear.T + rng.uniform(-15.0, 15.0, 2)], axis=1)
@@ -46,12 +47,12 @@ class Flat(MotionModel):
         raised = homogeneous(samples.reshape(len(samples), 3, 4))
         basis, triangle = np.linalg.qr(np.swapaxes(raised, 1, 2))
         sizes = np.abs(np.diagonal(triangle, axis1=1, axis2=2))
-        return basis, np.asarray(sizes.min(axis=1) > LEAST_DIAGONAL * sizes.max(axis=1))
+        return basis, np.asarray(sizes.min(axis=1) > MIN_DIAGONAL_RATIO * sizes.max(axis=1))
 
     def fit(self, observed: Floats, weights: Floats) -> tuple[Floats, Flags]:
         """The weighted mean match and the two leading principal directions about it."""
-        weights, own = concentrated(weights, observed)
-        matches = np.broadcast_to(own.reshape(*own.shape[:-2], 4), (*weights.shape, 4))
+        weights, observed = drop_unweighted(weights, observed)
+        matches = np.broadcast_to(observed.reshape(*observed.shape[:-2], 4), (*weights.shape, 4))
         total = np.maximum(weights.sum(axis=1), 1e-300)
         mean = (weights[:, None] @ matches)[:, 0] / total[:, None]
         away = matches - mean[:, None]
@@ -62,11 +63,11 @@ class Flat(MotionModel):
         return basis, np.asarray(values[:, 2] > 1e-12 * np.maximum(values[:, 3], 1e-12))
 
     def residuals(self, points: Floats, observed: Floats, normalization: Normalization) -> Floats:
-        """Distance to the flat over sqrt 2, pixels [B, P]."""
+        """Distance to the flat over sqrt(2), in pixels [B, P]."""
         foot, directions = _flat_of_subspace(points)
-        gap = observed.reshape(*observed.shape[:-2], 4) - foot[:, None]
-        across = gap - gap @ directions @ np.swapaxes(directions, 1, 2)
-        distance = np.linalg.norm(across, axis=-1)
+        offset = observed.reshape(*observed.shape[:-2], 4) - foot[:, None]
+        rejected = offset - offset @ directions @ np.swapaxes(directions, 1, 2)
+        distance = np.linalg.norm(rejected, axis=-1)
         return np.asarray(distance * (normalization.scale / np.sqrt(2)))
 
     def ranking_sq_residuals(self, points: Floats, observed: Floats) -> Floats:
@@ -86,7 +87,7 @@ def _flat_of_subspace(points: Floats) -> tuple[Floats, Floats]:
     heights = points[:, -1]
     square = np.maximum((heights**2).sum(axis=1), 1e-30)
     foot = np.einsum("bik,bk->bi", points[:, :-1], heights) / square[:, None]
-    # directions: the combinations of the basis whose last coordinate is zero
+    # combinations of the basis with last coordinate zero are directions
     level, _ = np.linalg.qr(heights[:, :, None], mode="complete")
     directions, _ = np.linalg.qr(points[:, :-1] @ level[:, :, 1:])
     return foot, directions

@@ -1,4 +1,4 @@
-"""The plane-to-plane map of two views, a point of SL(3): 3x3 matrices of determinant one."""
+"""Homography of a plane between two views: a point of SL(3), 3x3 matrices of determinant one."""
 
 from __future__ import annotations
 
@@ -13,27 +13,31 @@ from mssegment.geometry.projective import (
     transfer_sq_error,
 )
 from mssegment.manifolds import SL3
-from mssegment.models.affine import is_flat, is_plausible
-from mssegment.models.base import Flags, MotionModel, concentrated
+from mssegment.models.affine import is_plausible, nearly_collinear
+from mssegment.models.base import Flags, MotionModel, drop_unweighted
 from mssegment.records import Floats, Integers, Normalization
 
 TRIPLES = ((0, 1, 2), (0, 1, 3), (0, 2, 3), (1, 2, 3))
 GAUSS_NEWTON_ROUNDS = 4
-CONVERGED = 1e-3
-"""A step that changes no parameter by more is the last one: the next would be a hundredth of it."""
-ROWS = 16
-"""Motions fitted at a time: intermediate arrays that stay in the cache."""
+STEP_TOLERANCE = 1e-3
+"""Iteration stops after a step that changes no parameter by more; the next would be 100 times
+smaller."""
+MOTIONS_PER_BLOCK = 16
+"""Motions fitted at a time; their arrays stay in the cache."""
 
 
 class Homography(MotionModel):
-    """x2 ~ H x1; an elemental subset is four matches, the residual the transfer error."""
+    """The homography x2 ~ H x1 of a plane.
+
+    An elemental subset is four matches; the residual is the transfer error in view 2.
+    """
 
     name: ClassVar[str] = "homography"
     purpose: ClassVar[str] = "planes, such as facades"
     in_auto: ClassVar[bool] = True
     planar_under_perspective: ClassVar[bool] = True
     is_local: ClassVar[bool] = True
-    neighbours: ClassVar[int] = 14
+    sampling_neighbours: ClassVar[int] = 14
 
     def __init__(self) -> None:
         self.manifold = SL3()
@@ -42,7 +46,7 @@ class Homography(MotionModel):
         self.residual_dimension = 2
 
     def example_tracks(self, rng: np.random.Generator, count: int) -> Floats:
-        """Points under a map with some perspective."""
+        """Points under a random homography with some perspective."""
         x = rng.uniform([50.0, 50.0], [300.0, 250.0], (count, 2))
         matrix = np.array([[1.1, 0.1, 5.0], [-0.1, 0.9, 8.0], [2e-4, -1e-4, 1.0]])
         matrix[:2] += rng.uniform(-0.05, 0.05, (2, 3)) * [1.0, 1.0, 100.0]
@@ -50,15 +54,15 @@ class Homography(MotionModel):
         return np.stack([x, np.stack([u[0], v[0]], axis=1)], axis=1)
 
     def minimal_fit(self, samples: Floats) -> tuple[Floats, Flags]:
-        """Four matches [B, 4, 2, 2], in closed form.
+        """Solve for H from four matches [B, 4, 2, 2] in closed form.
 
-        Unsound: three collinear points, and quadrangles that change their orientation, which no
-        plane in front of both cameras can do.
+        Not valid: three nearly collinear points, and quadrangles whose orientation changes, which
+        is impossible for a plane in front of both cameras.
         """
         valid = np.ones(len(samples), dtype=bool)
         for triple in TRIPLES:
             corners = samples[:, triple]
-            valid &= ~(is_flat(corners[:, :, 0]) | is_flat(corners[:, :, 1]))
+            valid &= ~(nearly_collinear(corners[:, :, 0]) | nearly_collinear(corners[:, :, 1]))
         basis1, scales1 = _projective_basis(samples[:, :, 0], valid)
         basis2, scales2 = _projective_basis(samples[:, :, 1], valid)
         ratio = scales2 / scales1
@@ -69,52 +73,56 @@ class Homography(MotionModel):
         return self._checked(points, np.asarray(samples[:, :, 0].mean(axis=1)), np.asarray(valid))
 
     def fit(self, observed: Floats, weights: Floats) -> tuple[Floats, Flags]:
-        """Least squares of the transfer error in view 2: linear start, Gauss-Newton."""
-        if len(weights) > ROWS and observed.ndim == 3:
-            blocks = [weights[start : start + ROWS] for start in range(0, len(weights), ROWS)]
+        """Weighted least squares of the transfer error in view 2, by Gauss-Newton."""
+        if len(weights) > MOTIONS_PER_BLOCK and observed.ndim == 3:
+            blocks = [
+                weights[start : start + MOTIONS_PER_BLOCK]
+                for start in range(0, len(weights), MOTIONS_PER_BLOCK)
+            ]
             fits = [self.fit(observed, block) for block in blocks]
             return np.concatenate([p for p, _ in fits]), np.concatenate([s for _, s in fits])
         valid = (weights > 0).sum(axis=1) >= 4
-        safe = np.where(valid[:, None], weights, 1.0)
-        safe = safe / safe.sum(axis=1, keepdims=True)
-        safe, own = concentrated(safe, observed)
-        target, monomials = own[..., 1, :], _monomials(own[..., 0, :])
-        middle = _sums(safe[:, None], monomials)[:, 0, 3:5]
-        parameters = _linear_start(safe, target, monomials)
-        moving = np.arange(len(safe))
+        weights = np.where(valid[:, None], weights, 1.0)
+        weights = weights / weights.sum(axis=1, keepdims=True)
+        weights, matches = drop_unweighted(weights, observed)
+        target, monomials = matches[..., 1, :], _monomials(matches[..., 0, :])
+        middle = _sums(weights[:, None], monomials)[:, 0, 3:5]
+        parameters = _linear_start(weights, target, monomials)
+        active = np.arange(len(weights))
         for _ in range(GAUSS_NEWTON_ROUNDS):
-            step = _transfer_step(parameters[moving], safe, target, monomials)
-            parameters[moving] += step
-            on = np.abs(step).max(axis=1) > CONVERGED
-            if not on.any():
+            step = _transfer_step(parameters[active], weights, target, monomials)
+            parameters[active] += step
+            unfinished = np.abs(step).max(axis=1) > STEP_TOLERANCE
+            if not unfinished.any():
                 break
-            moving, safe = moving[on], safe[on]
-            if own.ndim == 4:
-                target, monomials = target[on], monomials[on]
+            active, weights = active[unfinished], weights[unfinished]
+            if matches.ndim == 4:
+                target, monomials = target[unfinished], monomials[unfinished]
         points = np.concatenate([parameters, np.ones((len(valid), 1))], axis=1).reshape(-1, 3, 3)
         return self._checked(points, middle, valid)
 
     def residuals(self, points: Floats, observed: Floats, normalization: Normalization) -> Floats:
-        """Transfer error in view 2, pixels [B, P]; infinite for points that H maps behind."""
-        across, down, depth = transfer(points, homogeneous_rows(observed[..., 0, :]))
-        across -= observed[..., 1, 0]
-        down -= observed[..., 1, 1]
-        across *= across
-        down *= down
-        across += down
-        error = np.sqrt(across, out=across)
+        """Transfer error in view 2, in pixels [B, P]; infinite where H maps behind the camera."""
+        x, y, depth = transfer(points, homogeneous_rows(observed[..., 0, :]))
+        x -= observed[..., 1, 0]
+        y -= observed[..., 1, 1]
+        x *= x
+        y *= y
+        x += y
+        error = np.sqrt(x, out=x)
         error *= normalization.scale
         return np.where(depth > 0, error, np.inf)
 
     def ranking_sq_residuals(self, points: Floats, observed: Floats) -> Floats:
-        """Squared transfer errors both ways, added; infinite where H maps behind a camera."""
+        """Sum of squared transfer errors in both views; infinite where H maps behind a camera."""
         first, second = observed[:, 0], observed[:, 1]
-        there = transfer_sq_error(points, homogeneous_rows(first), second)
+        forward = transfer_sq_error(points, homogeneous_rows(first), second)
         inverse = np.asarray(np.linalg.inv(points))
-        return np.asarray((there + transfer_sq_error(inverse, homogeneous_rows(second), first)).T)
+        backward = transfer_sq_error(inverse, homogeneous_rows(second), first)
+        return np.asarray((forward + backward).T)
 
     def _checked(self, points: Floats, middle: Floats, valid: Flags) -> tuple[Floats, Flags]:
-        """Scales to determinant one; sound where H is plausible at the ``middle`` [B, 2]."""
+        """Scale to determinant one; valid if H is plausible around the point ``middle`` [B, 2]."""
         finite = np.asarray(np.isfinite(points).all(axis=(1, 2)))
         points = np.where(finite[:, None, None], points, np.eye(3))
         determinant = np.linalg.det(points)
@@ -126,14 +134,14 @@ class Homography(MotionModel):
         x, y, depth = (row[:, 0] for row in transfer(points, rows))
         image = np.stack([x, y], axis=1)
         valid = np.asarray(valid & (depth > 0))
-        # derivative of the map at the middle of its matches
+        # derivative of the map at the mean of its matches
         linear = points[:, :2, :2] - image[:, :, None] * points[:, None, 2, :2]
         linear = linear / np.where(valid, depth, 1.0)[:, None, None]
         return points, np.asarray(valid & is_plausible(linear))
 
 
 def _projective_basis(corners: Floats, valid: Flags) -> tuple[Floats, Floats]:
-    """The first three corners [B, 4, 2] as columns, and the fourth in that basis."""
+    """The first three corners [B, 4, 2] as columns, and the fourth in their basis."""
     rays = homogeneous(corners)
     basis = np.where(valid[:, None, None], np.swapaxes(rays[:, :3], 1, 2), np.eye(3))
     fourth = np.where(valid[:, None], rays[:, 3], 1.0)
@@ -141,9 +149,9 @@ def _projective_basis(corners: Floats, valid: Flags) -> tuple[Floats, Floats]:
 
 
 def _monomials(x: Floats) -> Floats:
-    """x^2, xy, y^2, x, y and 1 of the points [..., P, 2], [..., P, 6].
+    """The monomials x^2, xy, y^2, x, y and 1 of points [..., P, 2], as [..., P, 6].
 
-    All sums over tracks that the equations below need are products of weights with these.
+    All sums over tracks in the normal equations are products of weights with these.
     """
     first, second = x[..., 0], x[..., 1]
     products = [first * first, first * second, second * second]
@@ -166,58 +174,58 @@ def _linear_start(weights: Floats, target: Floats, monomials: Floats) -> Floats:
 def _transfer_step(
     parameters: Floats, weights: Floats, target: Floats, monomials: Floats
 ) -> Floats:
-    """The Gauss-Newton step [B, 8] of the transfer error."""
+    """The Gauss-Newton step [B, 8] for the transfer error."""
     rows = np.concatenate([parameters, np.ones((len(parameters), 1))], axis=1)
     u, v, depth = transfer(rows, np.swapaxes(monomials[..., 3:], -1, -2))
     inverse = 1.0 / np.where(np.abs(depth) > 1e-6, depth, 1e-6)
-    pull = weights * inverse
-    # the weights of seven sums over the tracks: those of 1, u, v, u^2 + v^2, and the three gaps
+    scaled = weights * inverse
+    # weights of the sums over the tracks: of 1, u, v and u^2 + v^2, and of the three residuals
     factors = np.empty((len(u), 7, u.shape[1]))
-    stiffness = np.multiply(pull, inverse, out=factors[:, 0])
-    by_u = np.multiply(stiffness, u, out=factors[:, 1])
-    by_v = np.multiply(stiffness, v, out=factors[:, 2])
-    factors[:, 3] = by_u * u + by_v * v
-    gap_u = np.multiply(pull, target[..., 0] - u, out=factors[:, 4])
-    gap_v = np.multiply(pull, target[..., 1] - v, out=factors[:, 5])
-    factors[:, 6] = gap_u * u + gap_v * v
+    squared = np.multiply(scaled, inverse, out=factors[:, 0])
+    times_u = np.multiply(squared, u, out=factors[:, 1])
+    times_v = np.multiply(squared, v, out=factors[:, 2])
+    factors[:, 3] = times_u * u + times_v * v
+    residual_u = np.multiply(scaled, target[..., 0] - u, out=factors[:, 4])
+    residual_v = np.multiply(scaled, target[..., 1] - v, out=factors[:, 5])
+    factors[:, 6] = residual_u * u + residual_v * v
     sums = _sums(factors, monomials)
     side = np.concatenate([sums[:, 4, 3:], sums[:, 5, 3:], -sums[:, 6, 3:5]], axis=1)
     return _solve(sums[:, :4], side)
 
 
 def _sums(factors: Floats, monomials: Floats) -> Floats:
-    """The sums [B, k, 6] of the ``monomials``, [n, 6] or [B, n, 6], times ``factors`` [B, k, n]."""
+    """Sums [B, k, 6] of ``monomials``, [n, 6] or [B, n, 6], with weights ``factors`` [B, k, n]."""
     if monomials.ndim == 3:
         return np.asarray(factors @ monomials)
-    # one large product is faster than one for each motion
+    # one large product is faster than one per motion
     sums: Floats = factors.reshape(-1, factors.shape[2]) @ monomials
     return sums.reshape(*factors.shape[:2], 6)
 
 
-def _normal_places() -> tuple[Integers, Floats]:
-    """Where in the sums [4, 6] of 1, u, v and u^2 + v^2 the normal matrix finds its entries; signs.
+def _normal_matrix_layout() -> tuple[Integers, Floats]:
+    """Index and sign [8, 8] of each entry of the normal matrix.
 
-    Both are [8, 8].
+    The indices refer to the sums [4, 6] of 1, u, v and u^2 + v^2.
     """
-    # where (x, y, 1) times (x, y, 1) stands among the monomials
+    # index of each product of two of (x, y, 1) among the monomials
     products = np.array([[0, 1, 3], [1, 2, 4], [3, 4, 5]])
-    place, sign = np.zeros((8, 8), dtype=np.int64), np.zeros((8, 8))
-    place[:3, :3] = place[3:6, 3:6] = products
-    place[:3, 6:], place[3:6, 6:] = 6 + products[:, :2], 12 + products[:, :2]
-    place[6:, :6] = place[:6, 6:].T
-    place[6:, 6:] = 18 + products[:2, :2]
+    index, sign = np.zeros((8, 8), dtype=np.int64), np.zeros((8, 8))
+    index[:3, :3] = index[3:6, 3:6] = products
+    index[:3, 6:], index[3:6, 6:] = 6 + products[:, :2], 12 + products[:, :2]
+    index[6:, :6] = index[:6, 6:].T
+    index[6:, 6:] = 18 + products[:2, :2]
     sign[:3, :3] = sign[3:6, 3:6] = sign[6:, 6:] = 1.0
     sign[:6, 6:] = sign[6:, :6] = -1.0
-    return place, sign
+    return index, sign
 
 
-_PLACES, _SIGNS = _normal_places()
+_INDICES, _SIGNS = _normal_matrix_layout()
 
 
 def _solve(sums: Floats, side: Floats) -> Floats:
-    """Solutions [B, 8] of the normal equations from the sums [B, 4, 6] and ``side`` [B, 8]."""
-    normal = sums.reshape(len(sums), 24).take(_PLACES, axis=1) * _SIGNS
-    # an unsound set of matches must not stop the batch
+    """Solve the normal equations given by ``sums`` [B, 4, 6] and ``side`` [B, 8] for [B, 8]."""
+    normal = sums.reshape(len(sums), 24).take(_INDICES, axis=1) * _SIGNS
+    # a degenerate set of matches must not make the batch fail
     diagonal = normal.reshape(-1, 64)[:, ::9]
     diagonal += 1e-13 * diagonal.sum(axis=1, keepdims=True) + 1e-300
     return np.asarray(np.linalg.solve(normal, side[..., None])[..., 0])

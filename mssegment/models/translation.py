@@ -1,4 +1,4 @@
-"""Translation in space seen by a calibrated camera, a line of R^3: G(3,1), equation (25)."""
+"""Translation in space seen by a calibrated camera: a line of R^3, G(3,1), equation (25)."""
 
 from __future__ import annotations
 
@@ -17,25 +17,29 @@ from mssegment.geometry.levenberg_marquardt import State, minimize
 from mssegment.geometry.projective import homogeneous
 from mssegment.geometry.rotations import rotate_rays, step_on_sphere
 from mssegment.manifolds import Grassmann
-from mssegment.models.base import EXAMPLE_CAMERA, Flags, MotionModel, concentrated
+from mssegment.models.base import EXAMPLE_CAMERA, Flags, MotionModel, drop_unweighted
 from mssegment.records import Camera, Floats, Integers, Normalization
 
-LEAST_SINE = 0.01
-"""Sine of the angle between the two rows below which their cross product is noise."""
-NEAR_AXIS = 15.0
-"""Degrees from the optical axis within which a translation counts as along it."""
+MIN_SINE = 0.01
+"""Smallest sine of the angle between the two rows; below it their cross product is noise."""
+NEAR_AXIS_DEGREES = 15.0
+"""A translation within this many degrees of the optical axis counts as along it."""
 FIT_ROUNDS = 8
-CONVERGED = 1e-6
-"""Relative change of the error at which a fit is done."""
+FIT_TOLERANCE = 1e-6
+"""Relative change of the cost at which a fit has converged."""
 
 
 class Translation(MotionModel):
-    """t . (x1 x x2) = 0; two matches span a hypothesis, the residual is the Sampson distance.
+    """The translation t with t . (x1 x x2) = 0.
 
-    A point on G(3,1) has no sign, a body has: its points lie in front of the camera, so that all
-    of them move away from the epipole, or all towards it. The fits orient t to say which, and a
-    match that goes the other way is as far from the motion as it moved (Sampson distance across
-    the epipolar line, displacement along it).
+    An elemental subset is two matches; the residual is the Sampson distance.
+
+    Notes
+    -----
+    A point of G(3,1) has no sign, but a translation has one: depths are positive, so all points of
+    a motion move away from the epipole, or all towards it. The fits choose the sign of t
+    accordingly. A match that moves the other way has a residual of the size of its displacement:
+    the Sampson distance across the epipolar line and the displacement along it.
     """
 
     name: ClassVar[str] = "translation"
@@ -61,9 +65,12 @@ class Translation(MotionModel):
         return np.stack([s[:, :2] / s[:, 2:] * focal + middle for s in (space, moved)], axis=1)
 
     def normalization(self, points: Floats, camera: Camera | None = None) -> Normalization:
-        """Calibrated rays (x, y, 1): the principal point is the origin, the focal length 1.
+        """Normalized image coordinates: principal point at the origin, focal length 1.
 
-        Raises ValueError without a camera.
+        Raises
+        ------
+        ValueError
+            Without a camera.
         """
         if camera is None:
             raise ValueError("translation needs a camera")
@@ -71,7 +78,7 @@ class Translation(MotionModel):
         return Normalization(centres, camera.fx, camera.fy / camera.fx)
 
     def observe(self, points: Floats, normalization: Normalization) -> Floats:
-        """Normalised image coordinates [P, 2, 2], the second view in the first's orientation."""
+        """Normalized image coordinates [P, 2, 2], view 2 in the orientation of view 1."""
         focal = normalization.scale * np.array([1.0, normalization.aspect])
         observed = np.asarray((points - normalization.centres) / focal)
         if normalization.rotation is not None:
@@ -79,27 +86,27 @@ class Translation(MotionModel):
         return observed
 
     def minimal_fit(self, samples: Floats) -> tuple[Floats, Flags]:
-        """The cross product of the rows of two matches [B, 2, 2, 2]; parallel rows are unsound."""
+        """The cross product of the rows of two matches [B, 2, 2, 2]; invalid for parallel rows."""
         rows = constraint_rows(samples)
         lengths = np.linalg.norm(rows, axis=-1)
         axis = np.cross(rows[:, 0], rows[:, 1])
         length = np.linalg.norm(axis, axis=-1)
-        valid = length > LEAST_SINE * lengths[:, 0] * lengths[:, 1] + 1e-16
+        valid = length > MIN_SINE * lengths[:, 0] * lengths[:, 1] + 1e-16
         axis = np.where(valid[:, None], axis, [0.0, 0.0, 1.0])
         axis = axis / np.linalg.norm(axis, axis=-1, keepdims=True)
-        return oriented(axis, samples, np.ones(samples.shape[:2]))[..., None], valid
+        return orient(axis, samples, np.ones(samples.shape[:2]))[..., None], valid
 
     def fit(self, observed: Floats, weights: Floats) -> tuple[Floats, Flags]:
-        """Least squares of the Sampson distance, by Levenberg-Marquardt from that of (25).
+        """Least squares of the Sampson distance, by Levenberg-Marquardt from ``algebraic_fit``.
 
-        (25) weighs a match by its distance from the epipole and is biased.
+        Equation (25) alone is biased: it weights a match by its distance from the epipole.
         """
-        weights, matches = concentrated(weights, observed)
+        weights, matches = drop_unweighted(weights, observed)
         points, valid = self.algebraic_fit(matches, weights)
 
         def linearize(state: State, rows: Integers) -> tuple[Floats, Floats]:
-            own = matches if matches.ndim == 3 else matches[rows]
-            return translation_jacobian(state[0], *_rays(own))
+            selected = matches if matches.ndim == 3 else matches[rows]
+            return translation_jacobian(state[0], *_rays(selected))
 
         def retract(state: State, steps: Floats) -> State:
             return (step_on_sphere(state[0], steps),)
@@ -110,12 +117,12 @@ class Translation(MotionModel):
             retract,
             rounds=FIT_ROUNDS,
             weights=weights,
-            tolerance=CONVERGED,
+            tolerance=FIT_TOLERANCE,
         )
-        return oriented(direction, matches, weights)[..., None], valid
+        return orient(direction, matches, weights)[..., None], valid
 
     def algebraic_fit(self, observed: Floats, weights: Floats) -> tuple[Floats, Flags]:
-        """The direction that minimizes the weighted square of (25)."""
+        """The unit vector that minimizes the weighted squares of equation (25)."""
         rows = constraint_rows(observed)
         scatter = np.swapaxes(rows, -1, -2) @ (weights[..., None] * rows)
         values, vectors = np.linalg.eigh(scatter)
@@ -123,7 +130,7 @@ class Translation(MotionModel):
         return vectors[:, :, :1], np.asarray(valid & (values[:, 2] > 0))
 
     def residuals(self, points: Floats, observed: Floats, normalization: Normalization) -> Floats:
-        """Distance from the half of the epipolar line on the side of t, pixels [B, P]."""
+        """Distance from the half of the epipolar line in the direction of t, in pixels [B, P]."""
         errors = translation_errors(points[..., 0], *_rays(observed))
         squares = cheirality_residual_sq(*errors)
         return np.asarray(np.sqrt(squares) * normalization.scale)
@@ -131,55 +138,71 @@ class Translation(MotionModel):
     def displacements(
         self, points: Floats, observed: Floats, normalization: Normalization
     ) -> Floats | None:
-        """Along the half of the epipolar line on the side of t, pixels [B, P], at least zero."""
+        """Displacement along the half of the epipolar line in the direction of t, in pixels [B, P].
+
+        At least zero.
+        """
         along = translation_errors(points[..., 0], *_rays(observed))[1]
         return np.maximum(along * normalization.scale, 0.0)
 
     def orientations(self, points: Floats) -> Floats:
-        """t and -t: a mode is a line without a sign."""
+        """Both t and -t: a mode is a line without a sign."""
         return np.concatenate([points, -points])
 
     def algebraic_residuals(
         self, points: Floats, observed: Floats, normalization: Normalization
     ) -> Floats:
-        """|t . (x1 x x2)| of equation (25), normalised coordinates."""
+        """|t . (x1 x x2)| of equation (25), in normalized coordinates."""
         return np.asarray(np.abs(points[:, :, 0] @ constraint_rows(observed).T))
 
     def remarks(self, labels: Sequence[int], points: Floats) -> tuple[str, ...]:
-        """A warning where directions lie along the optical axis.
+        """A warning about translations along the optical axis.
 
-        Bodies that move along the optical axis with the camera, or against it, all have the same
-        direction of translation, however fast.
+        Objects that move along the optical axis, in the direction of the camera or against it, have
+        the same direction of translation whatever their speed.
         """
         axial = [
             str(label)
             for label, direction in zip(labels, points[..., 0], strict=True)
-            if _degrees_from_axis(direction) < NEAR_AXIS
+            if _degrees_from_axis(direction) < NEAR_AXIS_DEGREES
         ]
         if not axial:
             return ()
         return (
-            f"motion {', '.join(axial)} lies along the optical axis: bodies that move along it "
-            "too, at any speed, have the same direction and cannot be told apart by model "
-            "translation; choose model affine or factorization for them",
+            f"motion {', '.join(axial)} is along the optical axis: objects that also move along "
+            "it, at any speed, have the same direction and cannot be separated by model "
+            "translation; use model affine or factorization for them",
         )
 
-    def free_extent(self, observed: Floats, normalization: Normalization) -> float:
-        """Along its half of the epipolar line a match may move as far as any match does."""
+    def log_free_extent(self, observed: Floats, normalization: Normalization) -> float:
+        """Along its epipolar line a match may move as far as the longest match does."""
         shift = (observed[:, 1] - observed[:, 0]) * normalization.scale
         return float(np.log(max(np.linalg.norm(shift, axis=1).max(initial=0.0), 1.0)))
 
 
-def oriented(directions: Floats, matches: Floats, weights: Floats) -> Floats:
-    """The unit directions [B, 3], signed so that the ``weights`` [B, n] move away from the epipole.
+def orient(directions: Floats, matches: Floats, weights: Floats) -> Floats:
+    """Choose the sign of unit directions so that the tracks move away from the epipole.
 
-    ``matches`` are [n, 2, 2] or [B, n, 2, 2].
+    Parameters
+    ----------
+    directions : ndarray [B, 3]
+        Unit vectors.
+    matches : ndarray [n, 2, 2] or [B, n, 2, 2]
+        Matches in normalized coordinates.
+    weights : ndarray [B, n]
+        Weights of the matches.
+
+    Returns
+    -------
+    ndarray [B, 3]
+        The directions or their negatives.
     """
     along = translation_errors(directions, *_rays(matches))[1]
     return np.where((weights * along).sum(axis=1, keepdims=True) < 0, -directions, directions)
 
 
 def _degrees_from_axis(direction: Floats) -> float:
+    """Angle between a direction [3] and the optical axis, in degrees."""
     cosine = abs(direction[2]) / np.linalg.norm(direction)
     return float(np.degrees(np.arccos(min(cosine, 1.0))))
 

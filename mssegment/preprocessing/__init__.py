@@ -1,1 +1,1 @@
-"""Before hypotheses are drawn: the static background, the rotation of the camera."""
+"""Before sampling: the static background, and the rotation of the camera."""

@@ -1,7 +1,7 @@
-"""Background: what stands still under a static camera is no motion.
+"""Background: tracks that are static before a static camera, and therefore not a motion.
 
-The camera is static where the tracks that stand still lie all over the picture: an object that
-happens to stand still fills few places. They need not be most of the tracks: texture decides that.
+The camera is static if the static tracks are distributed over the image: an object at rest covers
+only a small part of it. They need not be the majority, because their number depends on texture.
 """
 
 from __future__ import annotations
@@ -19,39 +19,49 @@ from mssegment.records import BACKGROUND, OUTLIER, Floats, Integers, Record
 from mssegment.special import distinct, quantile
 
 BANDWIDTH = 2.0
-"""Pixels, for the mean shift over the displacements."""
-STILL = 0.005
-"""Share of the picture's diagonal up to which a common displacement is shake, not motion (4 pixels
-in 640 x 480: a bridge under traffic sways by 2)."""
-NEAR = 1.5
-"""Pixels from the shake within which a track stands still."""
-LEAST_SHARE = 0.15
-"""Share of the tracks that stand still, at least, under a static camera. Low: textured objects
-give many tracks and a plain wall few; where the still ones lie says more."""
-LEAST_CELLS = 0.4
-"""Share of the occupied cells of the grid that hold one of them, at least."""
-LEAST_FRAMES = 0.9
-"""Share of its frames in which background is where it began: over many frames a tracker slips."""
-WAVERING, NEIGHBOURS = 2.0, 8
-"""See ``_wavering``."""
-GRID = 8
-SAMPLE = 500
-"""Displacements that the mean shift looks at."""
+"""Bandwidth in pixels of the mean shift over displacements."""
+MAX_SHAKE = 0.005
+"""Largest displacement of the whole image, relative to its diagonal, that counts as shake of a
+static camera (4 pixels in 640 x 480; a bridge under traffic sways by 2)."""
+STATIC_DISTANCE = 1.5
+"""A track is static if its distance from its start, without the shake, is below this, in pixels."""
+MIN_STATIC_SHARE = 0.15
+"""Smallest share of static tracks before a static camera. It is low, because textured objects have
+many tracks and a plain wall has few; the distribution of the static tracks is the better test."""
+MIN_STATIC_CELLS = 0.4
+"""Smallest share of the occupied cells of the grid that contain a static track."""
+MIN_STATIC_FRAMES = 0.9
+"""Share of its frames in which a background track must be near its start: over many frames a
+tracker slips."""
+DRIFT_FACTOR, DRIFT_NEIGHBOURS = 2.0, 8
+"""See ``_drifting``."""
+GRID_CELLS = 8
+"""Cells of the grid along each side of the image."""
+MAX_DISPLACEMENTS = 500
+"""Maximum number of displacements for mean shift."""
 MAX_STEPS = 100
-"""Bound on its steps."""
+"""Maximum number of mean shift steps."""
 TOLERANCE = 1e-4
-"""Bandwidths; a shorter step is the last one."""
+"""Mean shift ends with a step shorter than this, in bandwidths."""
 
 
 class Background(Record, frozen=True):
-    """``status`` [P]: -1 for background, 0 for tracks to segment; ``notes`` for the user."""
+    """The background among the tracks.
+
+    Attributes
+    ----------
+    status : ndarray [P] of int
+        ``BACKGROUND``, or ``OUTLIER`` for tracks to segment.
+    notes : tuple of str
+        Notes for the user.
+    """
 
     status: Integers
     notes: tuple[str, ...] = ()
 
     @property
     def found(self) -> bool:
-        """Whether something stands still, so that the camera does too."""
+        """Whether there is a static background, and thus a static camera."""
         return bool((self.status == BACKGROUND).any())
 
 
@@ -62,72 +72,104 @@ def find_background(
     remove: bool | Literal["auto"] = "auto",
     min_displacement: float = 2.0,
 ) -> Background:
-    """Which of the tracks [P, F, 2] (pixels, NaN where not seen) are background.
+    """Find the tracks that belong to a static background.
 
-    A track is background where it stays within ``min_displacement`` pixels of where it began, in
-    (nearly) every frame, after the sway of the camera is taken away. ``remove`` says whether to
-    look; ``auto`` looks where the camera is static. ``frame_size`` is (width, height).
+    A track is background if it stays within ``min_displacement`` of its start in nearly every
+    frame, after the shake of the camera is subtracted.
+
+    Parameters
+    ----------
+    points : ndarray [P, F, 2]
+        Tracks in pixels, NaN where a point is not visible.
+    frame_size : tuple of int
+        Width and height in pixels.
+    remove : bool or "auto"
+        Whether to look for a background; ``auto`` only if the camera is static.
+    min_displacement : float
+        Distance in pixels.
+
+    Returns
+    -------
+    Background
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> first = np.random.default_rng(0).uniform(0, 100, (50, 2))
+    >>> second = first.copy()
+    >>> second[:10] += [8.0, 3.0]
+    >>> found = find_background(np.stack([first, second], axis=1), frame_size=(100, 100))
+    >>> found.notes
+    ('background: 40 of 50 tracks are static',)
     """
     status = np.full(len(points), OUTLIER, dtype=np.int64)
     if remove is False or len(points) == 0:
         return Background(status)
-    path = camera_path(points, STILL * float(np.hypot(*frame_size)))
+    path = camera_path(points, MAX_SHAKE * float(np.hypot(*frame_size)))
     distance = distances(points, path)
     if remove == "auto":
         static, reason = is_static(points, distance, frame_size)
         if not static:
             return Background(status, (f"the camera moves ({reason}): no background removed",))
-    seen = np.isfinite(distance).sum(axis=1)
+    visible = np.isfinite(distance).sum(axis=1)
     near = (distance < min_displacement).sum(axis=1)
-    still = np.asarray((seen > 1) & (near >= np.ceil(LEAST_FRAMES * seen)))
-    still |= _wavering(points, distance, still)
-    status[still] = BACKGROUND
-    note = f"background: {int(still.sum())} of {len(points)} tracks stand still"
+    static_tracks = np.asarray((visible > 1) & (near >= np.ceil(MIN_STATIC_FRAMES * visible)))
+    static_tracks |= _drifting(points, distance, static_tracks)
+    status[static_tracks] = BACKGROUND
+    note = f"background: {int(static_tracks.sum())} of {len(points)} tracks are static"
     return Background(status, (note,))
 
 
-def _wavering(points: Floats, distance: Floats, still: Flags) -> Flags:
-    """Tracks [P] that move hardly more than those which are ``still``, and lie among them.
+def _drifting(points: Floats, distance: Floats, static: Flags) -> Flags:
+    """Tracks [P] that move hardly more than the ``static`` ones and are surrounded by them.
 
-    A tracker slips along edges and near things sway more: hardly more is WAVERING times what nine
-    in ten of the still tracks reach, and among them means most of the NEIGHBOURS nearest. The slow
-    parts of a moving thing lie among what moves.
+    Trackers slip along edges, and nearby objects sway more. Hardly more means less than
+    ``DRIFT_FACTOR`` times the distance that nine in ten static tracks stay within; surrounded means
+    that most of the ``DRIFT_NEIGHBOURS`` nearest neighbours are static. (The slow parts of a moving
+    object are surrounded by moving tracks.)
     """
     found = np.zeros(len(points), dtype=bool)
-    judged = np.flatnonzero(np.isfinite(distance).sum(axis=1) > 1)
-    if not still.any() or len(judged) <= NEIGHBOURS:
+    tracks = np.flatnonzero(np.isfinite(distance).sum(axis=1) > 1)
+    if not static.any() or len(tracks) <= DRIFT_NEIGHBOURS:
         return found
-    reach = _quantile(distance[judged], LEAST_FRAMES)
-    quiet = still[judged]
-    weak = ~quiet & (reach < WAVERING * quantile(reach[quiet], LEAST_FRAMES))
-    place = np.nanmean(points[judged], axis=1)
-    asking = np.flatnonzero(weak)
-    _, near = nearest(place, place[asking], NEIGHBOURS + 1)
+    largest = _quantile(distance[tracks], MIN_STATIC_FRAMES)
+    static = static[tracks]
+    limit = DRIFT_FACTOR * quantile(largest[static], MIN_STATIC_FRAMES)
+    position = np.nanmean(points[tracks], axis=1)
+    candidates = np.flatnonzero(~static & (largest < limit))
+    _, near = nearest(position, position[candidates], DRIFT_NEIGHBOURS + 1)
     while True:
-        joining = asking[~quiet[asking] & (quiet[near[:, 1:]].mean(axis=1) > 0.5)]
-        if not joining.size:
-            found[judged[quiet]] = True
+        surrounded = static[near[:, 1:]].mean(axis=1) > 0.5
+        added = candidates[~static[candidates] & surrounded]
+        if not added.size:
+            found[tracks[static]] = True
             return found
-        quiet[joining] = True
+        static[added] = True
 
 
-def camera_path(points: Floats, largest: float) -> Floats:
-    """How the picture of what stands still sways, pixels [F, 2] from the first frame.
+def camera_path(points: Floats, max_shake: float) -> Floats:
+    """Estimate the shake of a static camera.
 
-    In each frame the densest displacement, up to ``largest`` pixels, of the tracks that are seen
-    in it and began earlier, each from where it began.
+    In each frame, the mode of the displacements, up to ``max_shake`` pixels, of the visible tracks
+    since their first frame.
+
+    Returns
+    -------
+    ndarray [F, 2]
+        Displacement of the static background since the first frame, in pixels.
     """
-    seen = np.asarray(np.isfinite(points).all(axis=2))
-    first = seen.argmax(axis=1)
+    visible = np.asarray(np.isfinite(points).all(axis=2))
+    first = visible.argmax(axis=1)
     path = np.zeros(points.shape[1:])
     for frame in range(1, len(path)):
-        older = np.flatnonzero(seen[:, frame] & (first < frame))
+        older = np.flatnonzero(visible[:, frame] & (first < frame))
         if not len(older):
             path[frame] = path[frame - 1]
             continue
-        sample = older[np.linspace(0, len(older) - 1, min(len(older), SAMPLE)).astype(int)]
+        index = np.linspace(0, len(older) - 1, min(len(older), MAX_DISPLACEMENTS)).astype(int)
+        sample = older[index]
         moved = points[sample, frame] - points[sample, first[sample]] + path[first[sample]]
-        small = moved[np.linalg.norm(moved, axis=1) < largest]
+        small = moved[np.linalg.norm(moved, axis=1) < max_shake]
         path[frame] = densest(small) if len(small) else path[frame - 1]
     return path
 
@@ -151,45 +193,44 @@ def densest(displacements: Floats) -> Floats:
 
 
 def distances(points: Floats, path: Floats) -> Floats:
-    """How far each track is in each frame from where it began, sway aside, pixels [P, F]."""
-    steady = points - path
+    """Distance of each track from its start in each frame, without the shake, in pixels [P, F]."""
+    stabilized = points - path
     first = np.isfinite(points).all(axis=2).argmax(axis=1)
-    start = steady[np.arange(len(points)), first]
-    return np.asarray(np.linalg.norm(steady - start[:, None], axis=-1))
+    start = stabilized[np.arange(len(points)), first]
+    return np.asarray(np.linalg.norm(stabilized - start[:, None], axis=-1))
 
 
 def is_static(points: Floats, distance: Floats, frame_size: Sequence[int]) -> tuple[bool, str]:
-    """Whether the camera stands still, judged in the frame that speaks most against it; why not."""
+    """Whether the camera is static in every frame; otherwise the reason why not."""
     for frame in range(1, points.shape[1]):
-        # a track that begins here says nothing about the camera
-        seen = np.isfinite(distance[:, frame]) & np.isfinite(distance[:, :frame]).any(axis=1)
-        if not seen.any():
+        # not the tracks that begin in this frame
+        usable = np.isfinite(distance[:, frame]) & np.isfinite(distance[:, :frame]).any(axis=1)
+        if not usable.any():
             continue
-        near = np.asarray(distance[seen, frame] < NEAR)
-        if near.mean() < LEAST_SHARE:
-            return (
-                False,
-                f"only {near.mean():.0%} of the tracks stand still until frame {frame + 1}",
-            )
-        filled = _cells_filled(points[seen, frame], near, frame_size)
-        if filled < LEAST_CELLS:
-            return False, f"what stands still fills only {filled:.0%} of the picture"
+        static = np.asarray(distance[usable, frame] < STATIC_DISTANCE)
+        share = float(static.mean())
+        if share < MIN_STATIC_SHARE:
+            reason = f"{100 * share:.0f} % of the tracks are static over frames 1-{frame + 1}"
+            return False, reason
+        covered = _cells_covered(points[usable, frame], static, frame_size)
+        if covered < MIN_STATIC_CELLS:
+            return False, f"the static tracks cover only {100 * covered:.0f} % of the image"
     return True, ""
 
 
-def _cells_filled(points: Floats, still: Flags, frame_size: Sequence[int]) -> float:
-    """Share of the occupied cells of a grid over the picture that hold a still track."""
+def _cells_covered(points: Floats, static: Flags, frame_size: Sequence[int]) -> float:
+    """Share of the occupied cells of a grid over the image that contain a static track."""
     size = np.maximum(frame_size, points.max(axis=0) + 1)
-    cell = np.clip((points / size * GRID).astype(int), 0, GRID - 1) @ [1, GRID]
-    return len(distinct(cell[still])) / len(distinct(cell))
+    cell = np.clip((points / size * GRID_CELLS).astype(int), 0, GRID_CELLS - 1) @ [1, GRID_CELLS]
+    return len(distinct(cell[static])) / len(distinct(cell))
 
 
 def _quantile(values: Floats, share: float) -> Floats:
-    """The quantile of each row, of what is known of it; many times faster where all is known."""
-    known = np.isfinite(values).all(axis=1)
+    """The quantile of the finite values of each row; many times faster for complete rows."""
+    complete = np.isfinite(values).all(axis=1)
     found = np.empty(len(values))
-    if known.any():
-        found[known] = quantile(values[known], share)
-    if not known.all():
-        found[~known] = np.nanquantile(values[~known], share, axis=1)
+    if complete.any():
+        found[complete] = quantile(values[complete], share)
+    if not complete.all():
+        found[~complete] = np.nanquantile(values[~complete], share, axis=1)
     return found

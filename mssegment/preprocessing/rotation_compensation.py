@@ -1,10 +1,10 @@
-"""The small rotation of a camera that was meant to translate.
+"""Compensation of the small rotation of a camera that is supposed to translate.
 
-Half a degree between two frames moves a far background by several pixels and by more than the
-noise across its epipolar lines, so that equation (25) holds for nothing any more. The rotation is
-found from the matches themselves: it is the one under which a few translations describe them all
-best. One translation alone would not do, because the rotation then makes up for what other bodies
-do: the static world may be a third of the matches.
+Half a degree between two frames moves a distant background by several pixels, more than the noise
+across its epipolar lines, and equation (25) no longer holds. The rotation is estimated from the
+matches: it is the one with which a few translations describe all of them best. A single translation
+is not enough, because the rotation would then compensate for other motions: the static background
+may be only a third of the matches.
 """
 
 from __future__ import annotations
@@ -25,41 +25,54 @@ from mssegment.models.translation import Translation
 from mssegment.neighbours import nearest
 from mssegment.records import Camera, Floats, Integers, Record
 
-SUBSETS, SUBSET_SIZE, ROUNDS = 400, 7, 8
-"""Subsets that a rotation is fitted to, and their size: two matches more than there are parameters.
-Half of them come from a neighbourhood that holds a quarter of the matches."""
-SAMPLE = 250
-"""Matches that the candidates are judged by."""
-CANDIDATES = 3
-"""Rotations, per scale, that are judged by all bodies."""
+SUBSETS, SUBSET_SIZE, SUBSET_FIT_ROUNDS = 400, 7, 8
+"""Number and size of the subsets to which a rotation is fitted: two matches more than there are
+parameters; and rounds of the fit. Half of the subsets are from one region with a quarter of the
+matches."""
+SAMPLED_MATCHES = 250
+"""Matches on which the candidates are evaluated."""
+CANDIDATES_PER_SCALE = 3
+"""Rotations, per scale, that are evaluated with several motions."""
 SCALES = (0.05, 0.1, 0.2, 0.4, 0.8, 1.6)
-"""Scales of a body's residuals that are tried, pixels: from a good tracker on the static world to a
-body that turns a little itself."""
-SEEDS, NEIGHBOURS = 100, 8
-"""Places where a translation is fitted, and the nearest matches that it is fitted to."""
-BODIES = 5
-REFINED = 2
-"""Candidates, the best ones, that are fitted to all matches."""
-SETTLING, REFINEMENTS, STEPS = 1, 6, 3
-"""Turns of bodies and rotation for every candidate, and at most for the best ones; each turn has a
-few steps of Gauss-Newton."""
-POLISHINGS, NEAR = 10, 4.0
-"""Steps on the largest motion alone, and how far its matches reach, in medians."""
-PIXEL, LEAST_SHARE = 1.0, 0.25
-"""The largest motion must explain such a share of the matches within a pixel; less is chance."""
+"""Scales of the residuals of a motion that are tried, in pixels: from a good tracker on the static
+background to an object that rotates slightly."""
+SEEDS, GROUP_NEIGHBOURS = 100, 8
+"""Number of groups of neighbouring matches to which a translation is fitted, and neighbours in
+each."""
+MAX_MOTIONS = 5
+"""Maximum number of translations."""
+REFINED_CANDIDATES = 2
+"""Number of candidates, the best ones, that are fitted to all matches."""
+CANDIDATE_ROUNDS, REFINEMENT_ROUNDS, GAUSS_NEWTON_STEPS = 1, 6, 3
+"""Rounds of alternation between motions and rotation: for every candidate, and at most for the best
+ones; and Gauss-Newton steps per round."""
+DOMINANT_FIT_ROUNDS, INLIER_MEDIANS = 10, 4.0
+"""Rounds of the fit to the largest motion alone; its inliers have residuals below this many
+medians."""
+SUPPORT_PIXELS, MIN_SUPPORT_SHARE = 1.0, 0.25
+"""The largest motion must explain at least this share of the matches to this residual in pixels;
+less is chance."""
 RIDGE = 1e-6
-"""Share of the diagonal of the normal equations that is added: two bodies may be one."""
-LEAST_MOTION = 2.0
-"""Pixels; a match that moved less says nothing about a direction."""
-LARGEST = 10.0
-"""Degrees; a camera that turns more was not meant to translate."""
-NONE = np.zeros((0, 3))
+"""Share of the diagonal added to the normal equations, which are singular if two motions are
+equal."""
+MIN_DISPLACEMENT = 2.0
+"""Matches that moved less, in pixels, do not constrain a direction."""
+MAX_DEGREES = 10.0
+"""Largest rotation in degrees; a camera that rotates more is not supposed to translate."""
+NO_DIRECTIONS = np.zeros((0, 3))
 
 
 class RotationCompensation(Record, frozen=True):
-    """``rotation`` [3, 3] turns rays of frame 2 into the orientation of frame 1; ``degrees``.
+    """The rotation of a camera between two views.
 
-    ``share`` of the matches fit the largest motion within a pixel after it.
+    Attributes
+    ----------
+    rotation : ndarray [3, 3]
+        Maps rays of view 2 to the orientation of view 1.
+    degrees : float
+        Its angle in degrees.
+    share : float
+        Share of the matches that the largest motion then explains to a pixel.
     """
 
     rotation: Floats
@@ -68,8 +81,11 @@ class RotationCompensation(Record, frozen=True):
 
 
 class _Matches(Record, frozen=True):
-    """Rays (x, y, 1) of both views [P, 3], the ``focal`` length in pixels and, in pixels, the
-    ``extent`` of the displacements; ``groups`` [S, k] are matches that lie together."""
+    """Rays (x, y, 1) of both views, [P, 3], and what is needed to evaluate motions.
+
+    ``focal`` is the focal length and ``extent`` that of the displacements, both in pixels;
+    ``groups`` [S, k] are neighbouring matches.
+    """
 
     first: Floats
     second: Floats
@@ -78,9 +94,12 @@ class _Matches(Record, frozen=True):
     groups: Integers
 
 
-class _Bodies(Record, frozen=True):
-    """A few translations: ``directions`` [m, 3], ``scales`` [m] (pixels), the body of each match
-    ``labels`` [P] (-1: none), and the nats that they ``saved``."""
+class _Motions(Record, frozen=True):
+    """A few translations: ``directions`` [m, 3] and ``scales`` [m] (pixels).
+
+    ``labels`` [P] is the motion of each match (-1: none), ``saved`` the description length in nats
+    that the motions save.
+    """
 
     directions: Floats
     scales: Floats
@@ -91,70 +110,85 @@ class _Bodies(Record, frozen=True):
 def find_rotation(
     points: Floats, camera: Camera, rng: np.random.Generator
 ) -> RotationCompensation | None:
-    """The rotation of the camera between two views, from matches [P, 2, 2] (pixels).
+    """Estimate the rotation of a camera between two views.
 
-    None where the rotation is not small, where it saves less than its three parameters cost, or
-    where no motion explains enough matches to trust it.
+    Parameters
+    ----------
+    points : ndarray [P, 2, 2]
+        Matches in pixels.
+    camera : Camera
+        The calibration.
+    rng : numpy.random.Generator
+        Source of random numbers.
+
+    Returns
+    -------
+    RotationCompensation or None
+        None if the rotation is not small, if it saves less than its three parameters cost, or if no
+        motion explains enough matches to rely on it.
     """
     model = Translation()
     normalization = model.normalization(points, camera)
     moved = np.linalg.norm(points[:, 1] - points[:, 0], axis=1)
-    if np.count_nonzero(moved >= LEAST_MOTION) <= SUBSET_SIZE:
+    if np.count_nonzero(moved >= MIN_DISPLACEMENT) <= SUBSET_SIZE:
         return None
     matches = homogeneous(model.observe(points, normalization))
     extent = 2 * float(moved.max())
     every = _matches(points, matches, normalization.scale, extent, np.arange(len(points)))
-    some = np.sort(rng.permutation(len(points))[:SAMPLE])
-    sample = _matches(points, matches, normalization.scale, extent, some)
+    chosen = np.sort(rng.permutation(len(points))[:SAMPLED_MATCHES])
+    sample = _matches(points, matches, normalization.scale, extent, chosen)
     candidates = _candidates(points, every, sample, rng)
-    # no rotation is the first candidate, and the likeliest before anything is seen
-    settled = [_refined(sample, one, SETTLING) for one in candidates]
-    best = sorted({0, *np.argsort([one[1].saved for one in settled])[-REFINED:].tolist()})
-    refined = [_refined(every, settled[one][0], REFINEMENTS) for one in best]
-    found, bodies = max(refined, key=lambda pair: pair[1].saved)
-    found, share = _polished(every, found, bodies)
-    unturned = _bodies(every, np.eye(3), bodies.directions)
-    angle, saved = float(degrees(found)), bodies.saved - unturned.saved
-    # three parameters, each to the precision that the largest body gives, within the largest turn
-    largest = np.bincount(bodies.labels + 1)[1:].max(initial=1)
-    scale = float(bodies.scales[0]) if len(bodies.scales) else 1.0
-    span = np.radians(2 * LARGEST) * normalization.scale
-    price = 3 * np.log(span * np.sqrt(largest) / scale)
-    fits = share >= LEAST_SHARE and angle < LARGEST
-    return RotationCompensation(found, angle, share) if fits and saved > price else None
+    # the first candidate is no rotation, which is the most likely one a priori
+    first = [_alternate(sample, one, CANDIDATE_ROUNDS) for one in candidates]
+    order = np.argsort([motions.saved for _, motions in first])
+    best = sorted({0, *order[-REFINED_CANDIDATES:].tolist()})
+    refined = [_alternate(every, first[i][0], REFINEMENT_ROUNDS) for i in best]
+    found, motions = max(refined, key=lambda pair: pair[1].saved)
+    found, share = _fit_dominant(every, found, motions)
+    unrotated = _motions(every, np.eye(3), motions.directions)
+    angle, saved = float(degrees(found)), motions.saved - unrotated.saved
+    # three parameters within MAX_DEGREES, to the precision that the largest motion allows
+    largest = np.bincount(motions.labels + 1)[1:].max(initial=1)
+    scale = float(motions.scales[0]) if len(motions.scales) else 1.0
+    span = np.radians(2 * MAX_DEGREES) * normalization.scale
+    cost = 3 * np.log(span * np.sqrt(largest) / scale)
+    supported = share >= MIN_SUPPORT_SHARE and angle < MAX_DEGREES
+    return RotationCompensation(found, angle, share) if supported and saved > cost else None
 
 
 def _matches(
     points: Floats, matches: Floats, focal: float, extent: float, chosen: Integers
 ) -> _Matches:
-    """The ``chosen`` matches, grouped with their neighbours in the space of (x, y, x', y')."""
-    own = points[chosen].reshape(len(chosen), 4)
-    moved = np.flatnonzero(np.linalg.norm(own[:, 2:] - own[:, :2], axis=1) >= LEAST_MOTION)
+    """The ``chosen`` matches, and groups of neighbours in the space of (x, y, x', y')."""
+    flat = points[chosen].reshape(len(chosen), 4)
+    moved = np.flatnonzero(np.linalg.norm(flat[:, 2:] - flat[:, :2], axis=1) >= MIN_DISPLACEMENT)
     seeds = moved[:: max(1, len(moved) // SEEDS)]
-    _, groups = nearest(own, own[seeds], min(NEIGHBOURS + 1, len(own)))
-    both = matches[chosen]
-    return _Matches(both[:, 0], both[:, 1], focal, extent, groups)
+    _, groups = nearest(flat, flat[seeds], min(GROUP_NEIGHBOURS + 1, len(flat)))
+    rays = matches[chosen]
+    return _Matches(rays[:, 0], rays[:, 1], focal, extent, groups)
 
 
 def _candidates(
     points: Floats, every: _Matches, sample: _Matches, rng: np.random.Generator
 ) -> Floats:
-    """No rotation, and the rotations of subsets that explain most of the ``sample``, [n, 3, 3]."""
+    """No rotation, and the rotations of subsets that explain the ``sample`` best, [n, 3, 3]."""
     subsets = _subsets(points, rng)
     first, second = every.first[subsets], every.second[subsets]
     rows = cross(first, second)
     starts = np.linalg.eigh(np.swapaxes(rows, 1, 2) @ rows)[1][:, :, 0]
-    # the shift of a camera that turned looks sideways: start from straight ahead as well
+    # uncompensated rotation looks like sideways translation: also start straight ahead
     starts[::2] = [0.0, 0.0, 1.0]
     directions, rotations = _fit_rotated_translations(starts, first, second)
-    small = degrees(rotations) < LARGEST
+    small = degrees(rotations) < MAX_DEGREES
     directions, rotations = directions[small], rotations[small]
-    fit = translation_errors(directions, sample.first, rotate_rays(sample.second, rotations))
-    squares = [cheirality_residual_sq(*fit, sign) for sign in (1.0, -1.0)]
+    errors = translation_errors(directions, sample.first, rotate_rays(sample.second, rotations))
+    squares = [cheirality_residual_sq(*errors, sign) for sign in (1.0, -1.0)]
     chosen: set[int] = set()
     for scale in SCALES:
         saved = [np.maximum(_gains(q, sample, scale), 0.0).sum(axis=1) for q in squares]
-        chosen |= set(np.argsort(-np.maximum(*saved), kind="stable")[:CANDIDATES].tolist())
+        chosen |= set(
+            np.argsort(-np.maximum(*saved), kind="stable")[:CANDIDATES_PER_SCALE].tolist()
+        )
     return np.concatenate([np.eye(3)[None], rotations[sorted(chosen)]])
 
 
@@ -172,151 +206,161 @@ def _fit_rotated_translations(
         return step_rotated_translation(directions, rotations, steps)
 
     rotations = np.tile(np.eye(3), (len(starts), 1, 1))
-    directions, rotations = minimize((starts, rotations), linearize, retract, rounds=ROUNDS)
+    directions, rotations = minimize(
+        (starts, rotations), linearize, retract, rounds=SUBSET_FIT_ROUNDS
+    )
     return directions, rotations
 
 
 def _subsets(points: Floats, rng: np.random.Generator) -> Integers:
-    """Matches [SUBSETS, SUBSET_SIZE], half of the subsets from all over, half from one region."""
+    """Subsets of matches [SUBSETS, SUBSET_SIZE], half uniform, half from one region each."""
     count = len(points)
     half = SUBSETS // 2
-    anywhere = rng.random((half, count)).argsort(axis=1)[:, :SUBSET_SIZE]
+    uniform = rng.random((half, count)).argsort(axis=1)[:, :SUBSET_SIZE]
     flat = points.reshape(count, 4)
-    around = max(count // 4, SUBSET_SIZE)
-    _, near = nearest(flat, flat[rng.integers(count, size=SUBSETS - half)], around)
-    places = rng.random(near.shape).argsort(axis=1)[:, :SUBSET_SIZE]
-    return np.concatenate([anywhere, np.take_along_axis(near, places, axis=1)]).astype(np.int64)
+    size = max(count // 4, SUBSET_SIZE)
+    _, near = nearest(flat, flat[rng.integers(count, size=SUBSETS - half)], size)
+    order = rng.random(near.shape).argsort(axis=1)[:, :SUBSET_SIZE]
+    return np.concatenate([uniform, np.take_along_axis(near, order, axis=1)]).astype(np.int64)
 
 
 def _gains(squares: Floats, matches: _Matches, scale: float) -> Floats:
-    """Nats saved against a uniform code by residuals with a Cauchy distribution of this scale.
+    """Nats saved, relative to a uniform code, by Cauchy distributed residuals of this scale.
 
-    ``squares`` of residuals in normalised coordinates.
+    ``squares`` are squared residuals in normalized coordinates.
     """
     spread = np.log1p(squares * (matches.focal / scale) ** 2)
     return np.asarray(np.log(matches.extent / (np.pi * scale)) - spread)
 
 
-def _bodies(matches: _Matches, turned: Floats, known: Floats = NONE) -> _Bodies:
-    """The translations, at most BODIES, that describe the matches best under the turn [3, 3].
+def _motions(matches: _Matches, camera_rotation: Floats, known: Floats = NO_DIRECTIONS) -> _Motions:
+    """The translations, at most ``MAX_MOTIONS``, that describe the rotated matches best.
 
-    Candidates are the ``known`` directions [n, 3] and those fitted to groups of neighbours; the one
-    that saves most comes first, and so on.
+    Candidates are the ``known`` directions [n, 3] and those fitted to groups of neighbours. They
+    are selected greedily, the one that saves most first.
     """
-    first, second = matches.first, rotate_rays(matches.second, turned[None])[0]
+    first, second = matches.first, rotate_rays(matches.second, camera_rotation[None])[0]
     rows = cross(first, second)[matches.groups]
     directions = np.linalg.eigh(np.swapaxes(rows, 1, 2) @ rows)[1][:, :, 0]
     directions = np.concatenate([known, directions])
     count = len(directions)
     error, along = translation_errors(directions, first, second)
-    # each direction points where the matches go that it was fitted to
+    # the sign of a direction is that of the matches it was fitted to
     fitted = np.take_along_axis(along[len(known) :], matches.groups, axis=1).sum(axis=1)
     sign = np.concatenate([along[: len(known)].sum(axis=1), fitted])
     sign = np.where(sign < 0, -1.0, 1.0)[:, None]
     squares = cheirality_residual_sq(error, along, sign)
     table = np.concatenate([_gains(squares, matches, s) for s in SCALES]).astype(np.float32)
-    # a direction is stated to the precision of the residuals
-    prices = np.repeat(2 * np.log(matches.extent / np.array(SCALES)), count)
-    found = _Bodies(NONE, np.zeros(0), np.full(len(first), -1), 0.0)
+    # a direction is coded to the precision of the residuals
+    costs = np.repeat(2 * np.log(matches.extent / np.array(SCALES)), count)
+    found = _Motions(NO_DIRECTIONS, np.zeros(0), np.full(len(first), -1), 0.0)
     gains, chosen = np.zeros((1, len(first)), np.float32), []
-    for _ in range(BODIES):
-        values = np.maximum(table, gains.max(axis=0)).sum(axis=1) - prices
+    for _ in range(MAX_MOTIONS):
+        values = np.maximum(table, gains.max(axis=0)).sum(axis=1) - costs
         chosen.append(int(values.argmax()))
         gains = np.concatenate([gains, table[chosen[-1:]]])
         labels = gains.argmax(axis=0) - 1
-        value = float(gains.max(axis=0).sum() - prices[chosen].sum()) - _entropy(labels)
-        if value <= found.saved:
+        saved = float(gains.max(axis=0).sum() - costs[chosen].sum()) - _entropy(labels)
+        if saved <= found.saved:
             break
         index = np.array(chosen)
         scales = np.array(SCALES)[index // count]
-        found = _Bodies(directions[index % count], scales, labels, value)
+        found = _Motions(directions[index % count], scales, labels, saved)
     return found
 
 
 def _entropy(labels: Integers) -> float:
-    """Nats to state the labels [P], from -1, by the frequency of each."""
+    """Nats to code the labels [P], which start at -1, by their frequencies."""
     count = np.bincount(labels + 1)
     used = count[count > 0]
     return float(-(used * np.log(used / len(labels))).sum())
 
 
-def _refined(matches: _Matches, turned: Floats, rounds: int) -> tuple[Floats, _Bodies]:
-    """The turn fitted to all bodies together, and the bodies under the turn, by turns."""
-    bodies = _bodies(matches, turned)
-    best, idle = (turned, bodies), 0
+def _alternate(matches: _Matches, camera_rotation: Floats, rounds: int) -> tuple[Floats, _Motions]:
+    """Alternate between the rotation given the motions and the motions given the rotation."""
+    motions = _motions(matches, camera_rotation)
+    best, rounds_without_gain = (camera_rotation, motions), 0
     for _ in range(rounds):
-        if not len(bodies.directions) or idle > 1:
+        if not len(motions.directions) or rounds_without_gain > 1:
             break
-        turned, directions = _common_turn(matches, turned, bodies)
-        bodies = _bodies(matches, turned, directions)
-        idle = 0 if bodies.saved > best[1].saved + 1 else idle + 1
-        if bodies.saved > best[1].saved:
-            best = turned, bodies
+        camera_rotation, directions = _common_rotation(matches, camera_rotation, motions)
+        motions = _motions(matches, camera_rotation, directions)
+        gained = motions.saved > best[1].saved + 1
+        rounds_without_gain = 0 if gained else rounds_without_gain + 1
+        if motions.saved > best[1].saved:
+            best = camera_rotation, motions
     return best
 
 
-def _polished(matches: _Matches, turned: Floats, bodies: _Bodies) -> tuple[Floats, float]:
-    """The turn [3, 3] fitted to the largest motion alone: others may turn a little themselves.
+def _fit_dominant(
+    matches: _Matches, camera_rotation: Floats, motions: _Motions
+) -> tuple[Floats, float]:
+    """Fit the rotation to the largest motion alone, since other objects may rotate slightly.
 
-    Its matches are those within its own noise, found again after each step. The turn is kept as it
-    is where the other bodies lose more by it than one direction costs. The second result is the
-    share of all matches that the motion explains to a pixel.
+    Inliers are selected again after each step. The old rotation is kept if the other motions lose
+    more than one direction costs. The second result is the share of all matches that the motion
+    explains to a pixel.
     """
-    if not len(bodies.directions):
-        return turned, 0.0
-    direction, rotations = bodies.directions[:1], turned[None]
-    scale = bodies.scales[0] / matches.focal
-    square = _squares(matches, direction, rotations)
-    for _ in range(POLISHINGS):
-        own = square < (NEAR * scale) ** 2
-        if own.sum() <= SUBSET_SIZE:
+    if not len(motions.directions):
+        return camera_rotation, 0.0
+    direction, rotations = motions.directions[:1], camera_rotation[None]
+    scale = motions.scales[0] / matches.focal
+    square = _squared_residuals(matches, direction, rotations)
+    for _ in range(DOMINANT_FIT_ROUNDS):
+        inliers = square < (INLIER_MEDIANS * scale) ** 2
+        if inliers.sum() <= SUBSET_SIZE:
             break
-        scale = max(float(np.sqrt(np.median(square[own]))), SCALES[0] / matches.focal / 2)
+        scale = max(float(np.sqrt(np.median(square[inliers]))), SCALES[0] / matches.focal / 2)
         error, jacobian = rotated_translation_jacobian(
-            direction, rotations, matches.first[own], matches.second[own]
+            direction, rotations, matches.first[inliers], matches.second[inliers]
         )
         weights = 1 / np.sqrt(scale**2 + error**2)
         steps = damped_step(jacobian * weights[..., None], error * weights, np.full(1, RIDGE))
         direction, rotations = step_rotated_translation(direction, rotations, steps)
-        square = _squares(matches, direction, rotations)
-    share = float((square < (PIXEL / matches.focal) ** 2).mean())
-    known = np.concatenate([direction, bodies.directions[1:]])
-    loss = bodies.saved - _bodies(matches, rotations[0], known).saved
-    taken = loss < 2 * np.log(matches.extent / SCALES[0])
-    return (rotations[0] if taken else turned), share
+        square = _squared_residuals(matches, direction, rotations)
+    share = float((square < (SUPPORT_PIXELS / matches.focal) ** 2).mean())
+    known = np.concatenate([direction, motions.directions[1:]])
+    loss = motions.saved - _motions(matches, rotations[0], known).saved
+    accepted = loss < 2 * np.log(matches.extent / SCALES[0])
+    return (rotations[0] if accepted else camera_rotation), share
 
 
-def _squares(matches: _Matches, direction: Floats, rotations: Floats) -> Floats:
-    """Squared distances [P] from the one motion, on the side where most matches go."""
+def _squared_residuals(matches: _Matches, direction: Floats, rotations: Floats) -> Floats:
+    """Squared residuals [P] of one motion, with the sign of most matches."""
     error, along = translation_errors(
         direction, matches.first, rotate_rays(matches.second, rotations)
     )
-    near = np.abs(error) < PIXEL / matches.focal
-    sign = -1.0 if (near * along).sum() < 0 else 1.0
+    inliers = np.abs(error) < SUPPORT_PIXELS / matches.focal
+    sign = -1.0 if (inliers * along).sum() < 0 else 1.0
     return np.asarray(cheirality_residual_sq(error, along, sign)[0])
 
 
-def _common_turn(matches: _Matches, turned: Floats, bodies: _Bodies) -> tuple[Floats, Floats]:
-    """One turn [3, 3] and the directions of all bodies [m, 3]: Gauss-Newton, Cauchy weights."""
-    directions = bodies.directions
+def _common_rotation(
+    matches: _Matches, camera_rotation: Floats, motions: _Motions
+) -> tuple[Floats, Floats]:
+    """Fit the rotation [3, 3] and all directions [m, 3] by Gauss-Newton with Cauchy weights."""
+    directions = motions.directions
     unknowns = 3 + 2 * len(directions)
-    members = [np.flatnonzero(bodies.labels == j) for j in range(len(directions))]
-    for _ in range(STEPS):
+    members = [np.flatnonzero(motions.labels == j) for j in range(len(directions))]
+    for _ in range(GAUSS_NEWTON_STEPS):
         normal, side = np.zeros((unknowns, unknowns)), np.zeros(unknowns)
-        for j, own in enumerate(members):
-            if not len(own):
+        for j, tracks in enumerate(members):
+            if not len(tracks):
                 continue
             error, jacobian = rotated_translation_jacobian(
-                directions[[j]], turned[None], matches.first[own], matches.second[own]
+                directions[[j]],
+                camera_rotation[None],
+                matches.first[tracks],
+                matches.second[tracks],
             )
-            # the scale of a Cauchy distribution is the median
+            # the scale of a Cauchy distribution is the median of the absolute values
             scale = max(float(np.median(np.abs(error[0]))), SCALES[0] / matches.focal)
             weights = 1 / (scale**2 + error[0] ** 2)
-            place = np.array([3 + 2 * j, 4 + 2 * j, 0, 1, 2])
-            normal[np.ix_(place, place)] += (jacobian[0].T * weights) @ jacobian[0]
-            side[place] += (jacobian[0].T * weights) @ error[0]
+            index = np.array([3 + 2 * j, 4 + 2 * j, 0, 1, 2])
+            normal[np.ix_(index, index)] += (jacobian[0].T * weights) @ jacobian[0]
+            side[index] += (jacobian[0].T * weights) @ error[0]
         normal += np.diag(RIDGE * np.diag(normal) + 1e-18)
         steps = np.asarray(-np.linalg.solve(normal, side), dtype=np.float64)
         directions = step_on_sphere(directions, steps[3:].reshape(-1, 2))
-        turned = rotation(steps[:3]) @ turned
-    return turned, directions
+        camera_rotation = rotation(steps[:3]) @ camera_rotation
+    return camera_rotation, directions

@@ -1,7 +1,12 @@
-"""Which tracks lie together: the neighbourhoods that elemental subsets come from.
+"""Neighbourhoods of tracks, from which elemental subsets are drawn.
 
-The tracks of one body lie together, so a subset of neighbours is far likelier to be of one body
-than one drawn anywhere (NAPSAC: Myatt, Torr, Nasuto, Bishop and Craddock, BMVC 2002).
+The tracks of one motion are close to each other, so a subset of neighbours is far more likely to be
+of one motion than a subset drawn uniformly.
+
+References
+----------
+Myatt, Torr, Nasuto, Bishop and Craddock, NAPSAC: high noise, high dimensional robust estimation,
+BMVC 2002.
 """
 
 from __future__ import annotations
@@ -13,28 +18,29 @@ from mssegment.neighbours import nearest_others
 from mssegment.records import Floats, Integers
 
 PATH_WEIGHT = 10.0
-"""Weight of the shape of a path against its place, when neighbours are sought over many frames."""
+"""Weight of the shape of a path relative to its mean position in distances over many frames."""
 
 
-def some_of(tracks: Flags, most: int, rng: np.random.Generator) -> Flags:
-    """The ``tracks`` [P], or so many of them, drawn at random, where they are more."""
-    if tracks.sum() <= most:
+def random_subset(tracks: Flags, count: int, rng: np.random.Generator) -> Flags:
+    """The ``tracks`` [P], or ``count`` of them, drawn at random, if there are more."""
+    if tracks.sum() <= count:
         return tracks
     drawn = np.zeros(len(tracks), dtype=bool)
-    drawn[rng.choice(np.flatnonzero(tracks), most, replace=False)] = True
+    drawn[rng.choice(np.flatnonzero(tracks), count, replace=False)] = True
     return drawn
 
 
 def neighbour_space(points: Floats) -> Floats:
-    """Where near means "may be the same body": tracks [P, F, 2] as vectors [P, d], pixels.
+    """Vectors [P, d] of tracks [P, F, 2] whose distances, in pixels, define neighbours.
 
-    Two views: the match (x, y, x', y') itself. More: the mean position, and the path about it.
+    For two views, the match (x, y, x', y'). For more, the mean position and the path relative to
+    it.
     """
     if points.shape[1] == 2:
         return np.asarray(points.reshape(len(points), 4))
-    place = points.mean(axis=1)
-    path = (points - place[:, None]) * np.sqrt(PATH_WEIGHT / points.shape[1])
-    return np.concatenate([place, path.reshape(len(points), -1)], axis=1)
+    position = points.mean(axis=1)
+    path = (points - position[:, None]) * np.sqrt(PATH_WEIGHT / points.shape[1])
+    return np.concatenate([position, path.reshape(len(points), -1)], axis=1)
 
 
 def nearest_neighbours(points: Floats, count: int) -> Integers:

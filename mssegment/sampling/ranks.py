@@ -1,45 +1,34 @@
-"""Hypotheses of one model in all of its ranks, pooled: subspaces of planar and general bodies."""
+"""Hypotheses of one model with ranks, in each of its ranks."""
 
 from __future__ import annotations
-
-from typing import Literal
 
 import numpy as np
 
 from mssegment.models import Flags
-from mssegment.records import Floats, HypothesisSet
-from mssegment.sampling.elemental_subsets import Count, Sampling, hypothesize
+from mssegment.records import Floats, HypothesisSet, replace
+from mssegment.sampling.elemental_subsets import hypothesize
+from mssegment.sampling.options import SamplingOptions
 
-HYPOTHESES = 200
-"""Hypotheses of each rank."""
+HYPOTHESES_PER_RANK = 200
 
 
 def draw_all_ranks(
     points: Floats,
     *,
     model: str,
-    count: Count,
-    sampling: Sampling,
+    options: SamplingOptions,
     eligible: Flags,
-    rank: int | Literal["auto"],
     rng: np.random.Generator,
 ) -> list[HypothesisSet]:
-    """One set of hypotheses per rank (3 planar, 4 general; ``auto``: both), as ``hypothesize``.
+    """Sample one set of hypotheses per rank: 3 (planar) and 4 (general), or that of ``options``.
 
-    ``count`` is per set; ``auto`` means HYPOTHESES.
+    Parameters and errors are those of ``hypothesize``. The default number of hypotheses per set is
+    ``HYPOTHESES_PER_RANK``.
     """
-    ranks = (3, 4) if rank == "auto" else (rank,)
-    wanted = HYPOTHESES if count == "auto" else count
-    return [
-        entry
-        for own in ranks
-        for entry in hypothesize(
-            points,
-            models=(model,),
-            count=wanted,
-            sampling=sampling,
-            eligible=eligible,
-            rank=own,
-            rng=rng,
-        )
-    ]
+    ranks = (3, 4) if options.rank == "auto" else (options.rank,)
+    count = HYPOTHESES_PER_RANK if options.count == "auto" else options.count
+    sets = []
+    for rank in ranks:
+        of_rank = replace(options, rank=rank, count=count)
+        sets += hypothesize(points, models=(model,), options=of_rank, eligible=eligible, rng=rng)
+    return sets

@@ -1,4 +1,4 @@
-"""From hypotheses to motions: ``cluster``, which obeys the strategy of the hypotheses."""
+"""From hypotheses to motions: ``cluster`` follows the strategy of the hypotheses."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from mssegment.segmentation.selection import Selection
 
 __all__ = ["SELECTIONS", "SegmentOptions", "check_options", "cluster"]
 
-STANDARD = SegmentOptions()
+DEFAULTS = SegmentOptions()
 
 
 def cluster(
@@ -21,30 +21,51 @@ def cluster(
     hypotheses: Hypotheses,
     *,
     status: Integers | None = None,
-    options: SegmentOptions = STANDARD,
+    options: SegmentOptions = DEFAULTS,
     rng: np.random.Generator,
 ) -> ClusterResult:
     """Segment tracks by hypotheses, with the strategy that these were drawn for.
 
     Parameters
     ----------
-    points
-        Tracks [P, F, 2], pixels, NaN where a point is not visible.
-    hypotheses
-        Sets of points on manifolds, as ``sampling.strategy.draw`` makes them.
-    status
-        [P], 0 for tracks to label, else the label that a track keeps (background).
-    options
-        The settings; see :class:`SegmentOptions`.
-    rng
+    points : ndarray [P, F, 2]
+        Tracks in pixels, NaN where a point is not visible.
+    hypotheses : Hypotheses
+        Sets of points on manifolds, as ``sampling.strategy.draw`` returns them.
+    status : ndarray [P] of int, optional
+        ``OUTLIER`` (0) for tracks to label, otherwise the label that a track keeps, for instance
+        ``BACKGROUND``. By default all tracks are labelled.
+    options : SegmentOptions
+        The settings.
+    rng : numpy.random.Generator
         Source of random numbers.
+
+    Returns
+    -------
+    ClusterResult
 
     Raises
     ------
     DataError
-        Where the hypotheses do not fit the tracks.
+        If the hypotheses do not fit the tracks.
     UsageError, ConfigurationError
-        For an option that is unknown, or that the strategy does not use.
+        If an option is unknown, or not used by the strategy.
+
+    Examples
+    --------
+    Two groups of matches, translated by (60, 10) and by (-40, 30) pixels, with noise:
+
+    >>> import numpy as np
+    >>> from mssegment.records import Hypotheses
+    >>> from mssegment.sampling.elemental_subsets import hypothesize
+    >>> rng = np.random.default_rng(0)
+    >>> first = rng.uniform(0, 100, (80, 2)) + np.repeat([[0.0], [200.0]], 40, axis=0)
+    >>> second = first + np.repeat([[60.0, 10.0], [-40.0, 30.0]], 40, axis=0)
+    >>> points = np.stack([first, second], axis=1) + rng.normal(0, 0.3, (80, 2, 2))
+    >>> sets = hypothesize(points, rng=rng)
+    >>> found = cluster(points, Hypotheses("modes", tuple(sets)), rng=rng)
+    >>> len(found.motions), len(set(found.labels[:40])), len(set(found.labels[40:]))
+    (2, 1, 1)
     """
     if options.selection not in SELECTIONS:
         known = " or ".join(SELECTIONS)

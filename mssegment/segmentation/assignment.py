@@ -1,4 +1,4 @@
-"""Which motion other tracks belong to: those that had no part in finding the motions."""
+"""Assign further tracks to the motions of a segmentation that was found without them."""
 
 from __future__ import annotations
 
@@ -9,41 +9,55 @@ import numpy as np
 from mssegment import models
 from mssegment.models import MotionModel
 from mssegment.records import OUTLIER, ClusterResult, Floats, HypothesisSet, Integers, Motion
-from mssegment.segmentation.mdl.granularity import LEAST_SCALE
+from mssegment.segmentation.mdl.granularity import MIN_SCALE
 from mssegment.segmentation.mdl.likelihood import Noise
 
-REACH = 6.0
-"""Standard deviations of a motion's residuals beyond which no track is judged to be its."""
+MAX_DEVIATIONS = 6.0
+"""A track is never assigned to a motion if its residual exceeds this many standard deviations."""
 
 
 def assign(points: Floats, sets: Sequence[HypothesisSet], found: ClusterResult) -> Integers:
-    """The label of each track [P, F, 2] (pixels) under the motions found: 1..m, or 0.
+    """Label tracks by the motions of a segmentation.
 
-    A track belongs to the likeliest motion among those that reach so far, given the scale of each
-    motion's residuals and its share of the tracks: a wide motion of few tracks passes near many
-    tracks of a narrow one. A motion reaches as far as the largest residual of its own inliers, and
-    no further than REACH: the far faces of a body (``continuity``) are its own, but do not fit it.
-    Tracks must be seen in all frames of the sets.
+    A track is assigned to the most likely of the motions within whose limit it is, given the scale
+    of the residuals of each motion and its share of the tracks. (A motion with large residuals and
+    few tracks is close to many tracks of a precise motion.) The limit of a motion is the largest
+    residual of its inliers, but at most ``MAX_DEVIATIONS``: distant faces of an object belong to it
+    but do not fit its motion (``mdl.continuity``).
+
+    Parameters
+    ----------
+    points : ndarray [P, F, 2]
+        Tracks in pixels, visible in all frames of the sets.
+    sets : sequence of HypothesisSet
+        The sets of hypotheses of the segmentation.
+    found : ClusterResult
+        The segmentation.
+
+    Returns
+    -------
+    ndarray [P] of int
+        Labels 1..m, or ``OUTLIER``.
     """
     if not found.motions:
         return np.full(len(points), OUTLIER, dtype=np.int64)
-    rows = []
+    costs = []
     for motion in found.motions:
-        chosen = sets[motion.set_index]
-        model = models.of_set(chosen)
-        observed = model.observe(points[:, list(chosen.frames)], chosen.normalization)
-        residuals = model.residuals(motion.parameters[None], observed, chosen.normalization)[0]
-        own = found.residuals[motion.label - 1][motion.inliers]
-        reach = min(float(np.nanmax(own)), REACH * motion.scale)
-        rows.append(np.where(residuals <= reach, _cost(model, motion, residuals), np.inf))
-    nearest = np.argmin(rows, axis=0)
-    labels = np.array([motion.label for motion in found.motions])[nearest]
-    return np.where(np.isfinite(np.min(rows, axis=0)), labels, OUTLIER).astype(np.int64)
+        hypotheses = sets[motion.set_index]
+        model, normalization = models.of_set(hypotheses), hypotheses.normalization
+        observed = model.observe(points[:, list(hypotheses.frames)], normalization)
+        residuals = model.residuals(motion.parameters[None], observed, normalization)[0]
+        of_inliers = found.residuals[motion.label - 1][motion.inliers]
+        limit = min(float(np.nanmax(of_inliers)), MAX_DEVIATIONS * motion.scale)
+        costs.append(np.where(residuals <= limit, _cost(model, motion, residuals), np.inf))
+    best = np.argmin(costs, axis=0)
+    labels = np.array([motion.label for motion in found.motions])[best]
+    return np.where(np.isfinite(np.min(costs, axis=0)), labels, OUTLIER).astype(np.int64)
 
 
 def _cost(model: MotionModel, motion: Motion, residuals: Floats) -> Floats:
-    """Minus the log of share times likelihood (``likelihood``), nats [P]."""
-    scale = max(motion.scale, LEAST_SCALE)
+    """Negative logarithm of share times likelihood, in nats [P]."""
+    scale = max(motion.scale, MIN_SCALE)
     noise = Noise(
         model.residual_dimension, model.residual_terms, scale, scale, 0.0, 0.0, np.zeros(0)
     )

@@ -1,4 +1,4 @@
-"""The settings of ``cluster`` as one record, and which of them a strategy uses."""
+"""The settings of ``cluster`` as one record, and which strategies use them."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from mssegment.errors import ConfigurationError, UsageError
 from mssegment.records import Record, Strategy
 
 Granularity = Literal["object", "surface", "auto"]
+"""Whether the planar surfaces of an object are one motion or several."""
 
 
 class SegmentOptions(Record, frozen=True):
@@ -15,20 +16,21 @@ class SegmentOptions(Record, frozen=True):
 
     Attributes
     ----------
-    bandwidth
-        h of the kernel, in the distance of the manifold; ``auto``: by nearest neighbours.
-    kernel
+    bandwidth : float or "auto"
+        Bandwidth h in the distance of the manifold; ``auto`` estimates it from nearest neighbours.
+    kernel : str
         A name in ``meanshift.KERNELS``.
-    selection
+    selection : str
         A name in ``segmentation.SELECTIONS``.
-    motions
-        The number of motions where it is known, else None.
-    min_motions
-        The least number of motions where it is not known.
-    granularity
-        What a motion is under a model that predicts points.
-    threads
-        Of mean shift; the result does not depend on them.
+    motions : int, optional
+        The number of motions, if it is known.
+    min_motions : int
+        The least number of motions, if their number is not known.
+    granularity : {"object", "surface", "auto"}
+        Whether a motion is that of an object or of a planar surface, for models that predict
+        points.
+    threads : int
+        Number of threads of mean shift; the result does not depend on it.
     """
 
     bandwidth: float | Literal["auto"] = "auto"
@@ -45,24 +47,37 @@ USED_ONLY_BY: dict[str, tuple[Strategy, ...]] = {
     "granularity": ("modes",),
     "threads": ("modes", "mixture"),
 }
-"""The options that only these strategies use."""
+"""Options that only these strategies use."""
 
 
 def check_options(options: SegmentOptions, strategy: Strategy) -> None:
-    """Raises an error that names an option which was set although ``strategy`` does not use it."""
-    standard = SegmentOptions()
+    """Check that every option that is set is used by the strategy.
+
+    Raises
+    ------
+    ConfigurationError, UsageError
+        If an option is set that ``strategy`` does not use; the message contains its key.
+
+    Examples
+    --------
+    >>> check_options(SegmentOptions(granularity="surface"), "modes")
+    >>> check_options(SegmentOptions(granularity="surface"), "consensus")  # doctest: +ELLIPSIS
+    Traceback (most recent call last):
+        ...
+    mssegment.errors.ConfigurationError: segment.granularity is surface, but strategy consensus ...
+    """
+    defaults = SegmentOptions()
     for name, users in USED_ONLY_BY.items():
-        value, usual = getattr(options, name), getattr(standard, name)
-        if strategy in users or value == usual:
+        value, default = getattr(options, name), getattr(defaults, name)
+        if strategy in users or value == default:
             continue
         key, error = (
             ("--threads", UsageError)
             if name == "threads"
             else (f"segment.{name}", ConfigurationError)
         )
-        wanted = " or ".join(users)
         raise error(
             f"{key} is {value}, but strategy {strategy} of these hypotheses does not use it: "
-            f"leave it at {usual}, or draw hypotheses for strategy {wanted} "
+            f"leave it at {default}, or draw hypotheses for strategy {' or '.join(users)} "
             "(cluster.method meanshift)"
         )

@@ -1,8 +1,9 @@
-"""What a selection is: from the modes of the hypotheses to the motions that are there.
+"""The interface of a selection: from the modes of the hypotheses to motions.
 
-``dominance`` is the paper's (the densest modes before the largest gap), ``mdl`` takes the modes as
-candidates for the shortest description of all tracks. A further one is a function from
-:class:`SelectionProblem` to :class:`SelectionResult` and one line in ``segmentation.SELECTIONS``.
+``dominance`` is that of the paper: the densest modes before the largest gap. ``mdl`` uses the modes
+as candidates for the shortest description of all tracks. To add one, write a function from
+:class:`SelectionProblem` to :class:`SelectionResult` and register it in
+``segmentation.SELECTIONS``.
 """
 
 from __future__ import annotations
@@ -18,12 +19,24 @@ from mssegment.segmentation.options import SegmentOptions
 
 
 class SelectionProblem(Record, frozen=True):
-    """The tracks to explain and the modes to explain them with.
+    """The tracks to explain, and the modes to explain them with.
 
-    ``points`` [P, F, 2] are the complete, eligible tracks in pixels, ``observed_sets`` the sets of
-    hypotheses; ``modes``, strongest first, name their set. ``assignments`` holds, per set, the mode
-    of each hypothesis (-1: none); ``tracks`` [P] are the numbers that the elemental subsets of the
-    hypotheses use for the tracks.
+    Attributes
+    ----------
+    points : ndarray [P, F, 2]
+        Complete, eligible tracks in pixels.
+    observed_sets : tuple of ObservedSet
+        The sets of hypotheses.
+    modes : tuple of Mode
+        The modes of all sets, densest first.
+    options : SegmentOptions
+        The settings.
+    rng : numpy.random.Generator
+        Source of random numbers.
+    assignments : tuple of ndarray of int
+        For each set, the index of the mode that each hypothesis converges to; -1 for none.
+    tracks : ndarray [P] of int
+        Index of each track in the elemental subsets of the hypotheses.
     """
 
     points: Floats
@@ -36,11 +49,22 @@ class SelectionProblem(Record, frozen=True):
 
 
 class SelectedMotion(Record, frozen=True):
-    """A motion that a selection found: its point on the manifold of its set, and its inliers.
+    """A motion that a selection found.
 
-    ``mode`` is the index of the mode it grew from, ``scale`` the standard deviation of its
-    residuals in pixels, ``cost_saved`` in nats where the selection reckons with it. A track may be
-    an inlier of two motions: it goes to the one with the smaller residual.
+    Attributes
+    ----------
+    set_index : int
+        Index of its set of hypotheses.
+    point : ndarray
+        The motion, a point on the manifold of the set.
+    inliers : ndarray [P] of bool
+        Its tracks. A track may be an inlier of two motions; it goes to the nearer one.
+    mode : int, optional
+        Index of the mode from which it was refitted.
+    scale : float
+        Standard deviation of the residuals in pixels.
+    cost_saved : float, optional
+        Description length saved in nats, if the selection computes it.
     """
 
     set_index: int
@@ -52,7 +76,7 @@ class SelectedMotion(Record, frozen=True):
 
 
 class SelectionResult(Record, frozen=True):
-    """The motions that a selection found, and what the user should know about it."""
+    """The motions that a selection found, and notes for the user."""
 
     motions: tuple[SelectedMotion, ...]
     notes: tuple[str, ...] = ()

@@ -1,7 +1,7 @@
 """Consensus: tracks that fit the same hypotheses belong together.
 
-``draw_consensus_sets`` draws the hypotheses, ``cluster_by_consensus`` reads them and nothing else;
-``segment_by_consensus`` adds motions and modes.
+``sampling.frame_pairs.draw_for_consensus`` samples the hypotheses, ``cluster_by_consensus`` groups
+the tracks, and ``segment_by_consensus`` adds motions and modes.
 """
 
 from mssegment.segmentation.consensus.clustering import Consensus, cluster_by_consensus

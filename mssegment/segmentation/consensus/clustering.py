@@ -1,4 +1,4 @@
-"""From hypothesis sets to one label per track: consensus, count, outliers."""
+"""From sets of hypotheses to one label per track: grouping, number of groups, outliers."""
 
 from __future__ import annotations
 
@@ -22,30 +22,39 @@ from mssegment.sampling.observed import ObservedSet
 from mssegment.sampling.validation import (
     Misfit,
     first_test,
+    limit_factor,
     misfit_limit,
-    spared,
     two_frame_misfit,
 )
 from mssegment.segmentation.consensus.average_linkage import AverageLinkage
 from mssegment.segmentation.consensus.coassociation import (
     Coassociation,
-    Coassociations,
+    CoassociationAccumulator,
 )
-from mssegment.segmentation.consensus.model_order import PartitionSearch
+from mssegment.segmentation.consensus.model_order import SpectralClustering
 from mssegment.segmentation.consensus.normalized_cuts import NormalizedCuts
 from mssegment.segmentation.consensus.outliers import second_test
 
-MOST_MOTIONS = 8
-"""The most motions that are looked for where nobody says how many there are."""
-SMALLEST, SMALLEST_SHARE = 8, 0.02
-"""A group of complete tracks with fewer than both is a clique of outliers, no motion. Incomplete
-tracks need the first only: what crosses the picture quickly leaves few."""
+MAX_MOTIONS = 8
+"""Maximum number of motions, unless their number is given."""
+MIN_GROUP_SIZE, MIN_GROUP_SHARE = 8, 0.02
+"""Smallest number of tracks of a group, and for complete tracks also the smallest share of all
+tracks: smaller groups are outliers that agree by chance. (What crosses the image quickly has few,
+incomplete tracks.)"""
 
 
 class Consensus(Record, frozen=True):
-    """The outcome: ``labels`` [P] 1..m by size, 0 outlier, -2 seen too briefly.
+    """The groups of tracks.
 
-    ``misfit`` [P] is that of ``Misfit`` (pixels); ``notes`` are sentences for the user.
+    Attributes
+    ----------
+    labels : ndarray [P] of int
+        1..m, the largest group first; ``OUTLIER``, or ``NOT_JUDGED`` for tracks that are visible
+        too briefly.
+    misfit : ndarray [P]
+        The ``Misfit`` of each track in pixels.
+    notes : tuple of str
+        Notes for the user.
     """
 
     labels: Integers
@@ -60,126 +69,154 @@ def cluster_by_consensus(
     *,
     motions: int | None = None,
     min_motions: int = 1,
-    max_motions: int = MOST_MOTIONS,
     eligible: Flags | None = None,
 ) -> Consensus:
-    """Group the tracks ``points`` [P, F, 2] (pixels, NaN: not visible) by ``hypotheses``.
+    """Group tracks that agree on hypotheses.
 
-    ``motions`` is the number of motions where it is known; ``eligible`` [P] excludes tracks
-    (background), their label is 0. Raises DataError where the hypotheses were not drawn for
-    consensus, or see too few tracks.
+    Parameters
+    ----------
+    points : ndarray [P, F, 2]
+        Tracks in pixels, NaN where a point is not visible.
+    hypotheses : Hypotheses
+        Hypotheses drawn for consensus.
+    rng : numpy.random.Generator
+        Source of random numbers.
+    motions : int, optional
+        The number of motions, if it is known.
+    min_motions : int
+        The least number of motions, if their number is not known.
+    eligible : ndarray [P] of bool, optional
+        Tracks to group; the others, for instance background, are labelled ``OUTLIER``.
+
+    Returns
+    -------
+    Consensus
+
+    Raises
+    ------
+    DataError
+        If the hypotheses were not drawn for consensus, or apply to too few tracks.
     """
-    chosen = np.arange(len(points)) if eligible is None else np.flatnonzero(eligible)
-    own = points.copy()
+    tracks = np.arange(len(points)) if eligible is None else np.flatnonzero(eligible)
+    points = points.copy()
     if eligible is not None:
-        own[~eligible] = np.nan
-    usable = [entry for entry in hypotheses.sets if len(entry.points) and entry.evidence]
-    _check(usable)
+        points[~eligible] = np.nan
+    sets = [one for one in hypotheses.sets if len(one.points) and one.evidence]
+    _check_pairs(sets)
     least = motions if motions else max(1, min_motions)
-    most = motions if motions else max(least, max_motions)
     if hypotheses.partition == "average_linkage":
-        return _linked(own, usable, chosen, (least, motions or len(points)))
-    misfits, coassociations = Misfit(own), Coassociations(len(points))
-    for entry in usable:
-        observed_set = ObservedSet.of(own, entry)
+        return _cluster_static(points, sets, tracks, (least, motions or len(points)))
+    bounds = least, motions if motions else max(least, MAX_MOTIONS)
+    misfits, coassociations = Misfit(points), CoassociationAccumulator(len(points))
+    for one in sets:
+        observed_set = ObservedSet.of(points, one)
         squared = observed_set.ranking_sq_residuals()
         misfits.add(observed_set, squared)
         coassociations.add(observed_set, squared)
-    misfit, kinds = misfits.pixels(), coassociations.kinds
+    misfit = misfits.pixels()
     labels = np.full(len(points), OUTLIER, dtype=np.int64)
-    unseen = np.isnan(misfit)
-    labels[chosen[unseen[chosen]]] = NOT_JUDGED
-    kept = np.flatnonzero(~unseen)
-    if len(kept) < SMALLEST:
-        raise DataError(
-            f"{len(kept)} tracks are seen in a frame pair of the hypotheses; expected at least "
-            f"{SMALLEST}: give longer tracks, or more corners"
-        )
-    perspective = hypotheses.partition == "normalized_cuts"
-    sparing = spared(misfit[kept], misfit_limit(own[kept], misfit[kept], perspective=perspective))
-    kept = kept[first_test(own[kept], misfit[kept], perspective=perspective)]
-    group = _group_incomplete if perspective else _group_complete
-    found, groups = group(own, kinds, kept, (least, most), rng)
-    if not perspective:
-        groups[second_test(own[found], misfit[found], groups, sparing)] = OUTLIER
-    labels[found] = groups
+    labels[tracks[np.isnan(misfit[tracks])]] = NOT_JUDGED
+    cluster = (
+        _cluster_incomplete if hypotheses.partition == "normalized_cuts" else _cluster_complete
+    )
+    grouped, groups = cluster(points, coassociations.kinds, misfit, bounds, rng)
+    labels[grouped] = groups
     return Consensus(_by_size(labels), misfit)
 
 
-def _linked(
-    points: Floats, sets: Sequence[HypothesisSet], chosen: Integers, bounds: tuple[int, int]
+def _cluster_static(
+    points: Floats, sets: Sequence[HypothesisSet], tracks: Integers, bounds: tuple[int, int]
 ) -> Consensus:
-    """The outcome before a static camera; ``bounds`` are the least and the most motions."""
-    found = AverageLinkage(points, sets)
+    """The groups before a static camera; ``bounds`` are the least and the most motions."""
+    linkage = AverageLinkage(points, sets)
     labels = np.full(len(points), OUTLIER, dtype=np.int64)
-    labels[chosen[~found.seen[chosen]]] = NOT_JUDGED
-    labels[found.seen] = found.labels(*bounds)
+    labels[tracks[~linkage.usable[tracks]]] = NOT_JUDGED
+    labels[linkage.usable] = linkage.labels(*bounds)
     return Consensus(_by_size(labels), two_frame_misfit(points, sets))
 
 
-def _group_complete(
+def _cluster_complete(
     points: Floats,
     kinds: Mapping[str, Coassociation],
-    tracks: Integers,
+    misfit: Floats,
     bounds: tuple[int, int],
     rng: np.random.Generator,
 ) -> tuple[Integers, Integers]:
-    """Tracks and their labels (0 outlier): complete tracks by bodies, the others join them."""
-    complete = tracks[np.isfinite(points[tracks]).all(axis=(1, 2))]
-    most = bounds[1]
+    """Tracks and their labels: complete tracks by spectral clustering, the others join them."""
+    tracks = _visible_tracks(misfit)
+    factor = limit_factor(misfit[tracks], misfit_limit(points[tracks], misfit[tracks]))
+    tracks = tracks[first_test(points[tracks], misfit[tracks])]
+    is_complete = np.asarray(np.isfinite(points).all(axis=(1, 2)))
 
-    def partition_search(chosen: Integers) -> PartitionSearch:
+    def spectral_clustering(chosen: Integers) -> SpectralClustering:
         block = np.ix_(chosen, chosen)
         agreements = {name: np.asarray(kind.mean[block], float) for name, kind in kinds.items()}
-        return PartitionSearch(points[chosen], agreements, most, rng)
+        return SpectralClustering(points[chosen], agreements, bounds[1], rng)
 
-    complete, labels = _without_cliques(complete, partition_search, bounds, SMALLEST_SHARE)
-    partial = np.setdiff1d(tracks, np.flatnonzero(np.isfinite(points).all(axis=(1, 2))))
+    complete, labels = _without_small_groups(
+        tracks[is_complete[tracks]], spectral_clustering, bounds, MIN_GROUP_SHARE
+    )
+    partial = np.setdiff1d(tracks, np.flatnonzero(is_complete))
     local = next(kind for name, kind in kinds.items() if models.class_named(name).is_local)
     joined = _join(local, partial, complete, labels)
-    return np.concatenate([complete, partial]), np.concatenate([labels, joined])
+    grouped, labels = np.concatenate([complete, partial]), np.concatenate([labels, joined])
+    labels[second_test(points[grouped], misfit[grouped], labels, factor)] = OUTLIER
+    return grouped, labels
 
 
-def _group_incomplete(
+def _cluster_incomplete(
     points: Floats,
     kinds: Mapping[str, Coassociation],
-    tracks: Integers,
+    misfit: Floats,
     bounds: tuple[int, int],
     rng: np.random.Generator,
 ) -> tuple[Integers, Integers]:
-    """Tracks and their labels, by normalised cuts."""
+    """Tracks and their labels, by normalized cuts."""
+    tracks = _visible_tracks(misfit)
+    tracks = tracks[first_test(points[tracks], misfit[tracks], perspective=True)]
 
     def normalized_cuts(chosen: Integers) -> NormalizedCuts:
         block = np.ix_(chosen, chosen)
-        own = {
+        of_chosen = {
             name: Coassociation(kind.agreement[block], kind.shared[block])
             for name, kind in kinds.items()
         }
-        return NormalizedCuts(points[chosen], own, bounds[1], rng)
+        return NormalizedCuts(points[chosen], of_chosen, bounds[1], rng)
 
-    return _without_cliques(tracks, normalized_cuts, bounds, 0.0)
+    return _without_small_groups(tracks, normalized_cuts, bounds, 0.0)
 
 
-def _without_cliques(
+def _visible_tracks(misfit: Floats) -> Integers:
+    """Tracks that are visible in a frame pair; raises DataError if there are too few."""
+    tracks = np.flatnonzero(~np.isnan(misfit))
+    if len(tracks) < MIN_GROUP_SIZE:
+        raise DataError(
+            f"{len(tracks)} tracks are visible in a frame pair of the hypotheses; expected at "
+            f"least {MIN_GROUP_SIZE}: use longer tracks or more corners"
+        )
+    return tracks
+
+
+def _without_small_groups(
     tracks: Integers,
-    partitions: Callable[[Integers], PartitionSearch | NormalizedCuts],
+    partitions: Callable[[Integers], SpectralClustering | NormalizedCuts],
     bounds: tuple[int, int],
     share: float,
 ) -> tuple[Integers, Integers]:
-    """Groups of the tracks, labels 1..m; cliques of outliers are taken out and it starts again."""
+    """Groups of the tracks, labels 1..m; starts again without the tracks of small groups."""
     while True:
         found = partitions(tracks)
         labels = found.best(found.count(*bounds))
         sizes = np.bincount(labels)[labels]
-        small = sizes < max(SMALLEST, share * len(tracks))
-        # what is left must still be able to hold the motions
-        if not small.any() or (~small).sum() < SMALLEST * bounds[0]:
+        small = sizes < max(MIN_GROUP_SIZE, share * len(tracks))
+        # enough tracks must remain for the least number of motions
+        if not small.any() or (~small).sum() < MIN_GROUP_SIZE * bounds[0]:
             return tracks, labels + 1
         tracks = tracks[~small]
 
 
 def _join(kind: Coassociation, partial: Integers, complete: Integers, labels: Integers) -> Integers:
-    """Labels of the tracks ``partial``: the group they agree with most; NOT_JUDGED without any."""
+    """Labels of the tracks ``partial``: the group that they agree with most, or NOT_JUDGED."""
     if not len(partial):
         return np.zeros(0, dtype=np.int64)
     member = np.eye(int(labels.max()) + 1)[labels][:, 1:]
@@ -190,7 +227,7 @@ def _join(kind: Coassociation, partial: Integers, complete: Integers, labels: In
 
 
 def _by_size(labels: Integers) -> Integers:
-    """Motions numbered from the largest to the smallest."""
+    """Number the groups from the largest to the smallest."""
     names, sizes = np.unique(labels[labels > 0], return_counts=True)
     numbered = labels.copy()
     for number, name in enumerate(names[np.argsort(-sizes, kind="stable")], 1):
@@ -198,9 +235,10 @@ def _by_size(labels: Integers) -> Integers:
     return numbered
 
 
-def _check(sets: Sequence[HypothesisSet]) -> None:
-    if not any(len(entry.frames) == 2 for entry in sets):
+def _check_pairs(sets: Sequence[HypothesisSet]) -> None:
+    """Raise DataError without a set between two frames."""
+    if not any(len(one.frames) == 2 for one in sets):
         raise DataError(
-            "consensus needs hypotheses between frame pairs, these are over "
+            "consensus needs hypotheses between frame pairs, but these are over "
             f"{len(sets[0].frames) if sets else 0} frames; run `mssegment hypothesize` again"
         )

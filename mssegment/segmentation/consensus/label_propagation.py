@@ -1,7 +1,7 @@
-"""Many tracks: some of them are grouped, and the others join the group that they agree with.
+"""Many tracks: some of them are grouped, and the others get the label of the group they agree with.
 
-The cost of grouping grows with the square of the tracks, and dense tracks say the same thing many
-times. Hypotheses are drawn from at most MOST_GROUPED tracks, and these are the ones to group.
+The cost of grouping is quadratic, and dense tracks are redundant. Hypotheses are drawn from at most
+``MAX_GROUPED_TRACKS`` tracks, and these are the ones to group.
 """
 
 from __future__ import annotations
@@ -20,81 +20,90 @@ from mssegment.records import (
     Integers,
     replace,
 )
-from mssegment.sampling.frame_pairs import MOST_GROUPED
+from mssegment.sampling.frame_pairs import MAX_GROUPED_TRACKS
 from mssegment.sampling.observed import ObservedSet
-from mssegment.sampling.validation import misfit_limit, spared, two_frame_misfit
+from mssegment.sampling.validation import limit_factor, misfit_limit, two_frame_misfit
+from mssegment.segmentation.consensus.clustering import Consensus
 from mssegment.segmentation.consensus.coassociation import marks_of
 
-AT_A_TIME = 8000
-"""Tracks that join together, so that the residuals from all hypotheses fit memory."""
+TRACKS_PER_BATCH = 8000
+"""Tracks that are labelled at a time, to limit the memory for residuals."""
 
 
 def tracks_to_group(eligible: Flags, sets: Sequence[HypothesisSet]) -> Flags:
-    """Which of the eligible tracks [P] to group: all, or of many those that made hypotheses."""
-    if eligible.sum() <= MOST_GROUPED:
+    """The tracks [P] to group: all that are ``eligible``, or of many those that were sampled."""
+    if eligible.sum() <= MAX_GROUPED_TRACKS:
         return eligible
-    makers = np.zeros(len(eligible), dtype=bool)
-    for entry in sets:
-        makers[entry.subsets.ravel()] = True
-    return eligible & makers
+    sampled = np.zeros(len(eligible), dtype=bool)
+    for hypotheses in sets:
+        sampled[hypotheses.subsets.ravel()] = True
+    return eligible & sampled
 
 
 def hypotheses_among(hypotheses: Hypotheses, tracks: Flags) -> Hypotheses:
-    """The hypotheses made of ``tracks`` [P] alone; their subsets count these tracks only."""
+    """The hypotheses drawn from ``tracks`` [P] alone; their subsets index only these tracks."""
     if tracks.all():
         return hypotheses
-    place = np.cumsum(tracks) - 1
-    kept = [tracks[entry.subsets].all(axis=1) for entry in hypotheses.sets]
-    sets = [
-        replace(entry, subsets=place[entry.subsets[own]], points=entry.points[own])
-        for entry, own in zip(hypotheses.sets, kept, strict=True)
-    ]
+    row = np.cumsum(tracks) - 1
+    sets = []
+    for one in hypotheses.sets:
+        kept = tracks[one.subsets].all(axis=1)
+        sets.append(replace(one, subsets=row[one.subsets[kept]], points=one.points[kept]))
     return replace(hypotheses, sets=tuple(sets))
 
 
 def propagate_labels(
-    grouped: Floats,
-    sets: Sequence[HypothesisSet],
-    labels: Integers,
-    misfit: Floats,
-    others: Floats,
-    *,
-    perspective: bool,
+    points: Floats, grouped: Floats, found: Consensus, hypotheses: Hypotheses
 ) -> Integers:
-    """Labels [m] of the tracks ``others`` [m, F, 2], pixels, NaN where not seen.
+    """Label further tracks by the groups whose tracks mark the same hypotheses.
 
-    The tracks ``grouped`` [n, F, 2] have the ``labels`` [n] and the ``misfit`` [n]; ``sets`` are
-    made of them. A track joins the group whose tracks mark the same hypotheses. It is an outlier
-    where it misfits more than the grouped tracks may, NOT_JUDGED where no set sees it.
+    Parameters
+    ----------
+    points : ndarray [m, F, 2]
+        Tracks to label, in pixels, NaN where a point is not visible.
+    grouped : ndarray [n, F, 2]
+        The tracks that were grouped.
+    found : Consensus
+        Their labels and misfit.
+    hypotheses : Hypotheses
+        Hypotheses drawn from the grouped tracks.
+
+    Returns
+    -------
+    ndarray [m] of int
+        Labels 1, 2, ...; ``OUTLIER`` where the misfit exceeds the limit of the grouped tracks, and
+        ``NOT_JUDGED`` where no set applies.
     """
+    labels = found.labels
     if not (labels > 0).any():
-        return np.full(len(others), OUTLIER)
-    limit = misfit_limit(grouped, misfit, perspective=perspective)
-    limit *= spared(misfit[np.isfinite(misfit)], limit)
-    found = np.full(len(others), NOT_JUDGED)
-    for start in range(0, len(others), AT_A_TIME):
-        rows = slice(start, start + AT_A_TIME)
-        together = np.concatenate([grouped, others[rows]])
-        agreement = _agreement(together, sets, labels)
-        away = two_frame_misfit(together, sets, np.arange(len(grouped)))[len(grouped) :]
-        label = np.where(away > limit, OUTLIER, agreement.argmax(axis=1) + 1)
-        found[rows] = np.where(agreement.any(axis=1), label, NOT_JUDGED)
-    return found
+        return np.full(len(points), OUTLIER)
+    perspective = hypotheses.partition == "normalized_cuts"
+    limit = misfit_limit(grouped, found.misfit, perspective=perspective)
+    limit *= limit_factor(found.misfit[np.isfinite(found.misfit)], limit)
+    propagated = np.full(len(points), NOT_JUDGED)
+    for start in range(0, len(points), TRACKS_PER_BATCH):
+        rows = slice(start, start + TRACKS_PER_BATCH)
+        tracks = np.concatenate([grouped, points[rows]])
+        agreement = _agreement(tracks, hypotheses.sets, labels)
+        misfit = two_frame_misfit(tracks, hypotheses.sets, np.arange(len(grouped)))[len(grouped) :]
+        label = np.where(misfit > limit, OUTLIER, agreement.argmax(axis=1) + 1)
+        propagated[rows] = np.where(agreement.any(axis=1), label, NOT_JUDGED)
+    return propagated
 
 
 def _agreement(points: Floats, sets: Sequence[HypothesisSet], labels: Integers) -> Floats:
-    """How far the tracks after those with ``labels`` [n] agree with each group, [m, groups].
+    """Agreement of the tracks after those with ``labels`` [n] with each group, [m, groups].
 
-    The marks that a track shares with a track of the group, on average, summed over the sets.
+    The number of marks shared with a track of the group, on average, summed over the sets.
     """
     groups = np.arange(1, labels.max() + 1)
     agreement = np.zeros((len(points) - len(labels), len(groups)))
-    for entry in sets:
-        observed_set = ObservedSet.of(points, entry)
-        seen = observed_set.tracks
+    for hypotheses in sets:
+        observed_set = ObservedSet.of(points, hypotheses)
+        tracks = observed_set.tracks
         marks = marks_of(observed_set, observed_set.ranking_sq_residuals())
-        first = int(np.searchsorted(seen, len(labels)))
-        member = (labels[seen[:first], None] == groups).astype(np.float32)
+        first = int(np.searchsorted(tracks, len(labels)))
+        member = (labels[tracks[:first], None] == groups).astype(np.float32)
         shared = marks[:first].T @ member / np.maximum(member.sum(axis=0), 1)
-        agreement[seen[first:] - len(labels)] += marks[first:] @ shared
+        agreement[tracks[first:] - len(labels)] += marks[first:] @ shared
     return agreement

@@ -8,21 +8,37 @@ from mssegment.geometry.flats import extent, leave_one_out_residuals
 from mssegment.models import Flags
 from mssegment.records import Floats, Integers
 
-SECOND_OF_EXTENT, RESIDUALS_OF_MEDIAN, SECOND_OF_MEDIAN = 0.1, 6.0, 4.0
-"""Second test: (misfit over extent) x (residual over the motion's median residual) above the
-first, the residual above so many medians, and the misfit above so many median misfits."""
+PRODUCT_LIMIT, RESIDUAL_OF_MEDIAN, MISFIT_OF_MEDIAN = 0.1, 6.0, 4.0
+"""Second test, all three: misfit over extent times residual over the median residual of the motion;
+residual over the median residual of the motion; and misfit over the median misfit exceed these."""
 
 
-def second_test(points: Floats, misfit: Floats, labels: Integers, sparing: float) -> Flags:
-    """Which of the tracks [P, F, 2] belong nowhere although they have a label (1, 2, ...).
+def second_test(points: Floats, misfit: Floats, labels: Integers, factor: float) -> Flags:
+    """Which tracks are outliers although they have a label.
 
-    Only complete tracks are judged: the distance from the affine 3-flat (rank 4) that is fitted
-    robustly to the other tracks of the group, against the group's median. ``sparing`` is what
-    ``spared`` gives.
+    The test compares the distance of a track from the affine 3-flat (rank 4) that is fitted
+    robustly to the other tracks of its group with the median of the group. Only complete tracks are
+    tested.
+
+    Parameters
+    ----------
+    points : ndarray [P, F, 2]
+        Tracks in pixels.
+    misfit : ndarray [P]
+        Their ``two_frame_misfit``.
+    labels : ndarray [P] of int
+        Their labels 1, 2, ...
+    factor : float
+        The ``limit_factor``.
+
+    Returns
+    -------
+    ndarray [P] of bool
+        True for outliers.
     """
-    outside = np.zeros(len(points), dtype=bool)
+    outliers = np.zeros(len(points), dtype=bool)
     complete = np.isfinite(points).all(axis=(1, 2))
-    usual = float(np.median(misfit[labels > 0])) if (labels > 0).any() else 0.0
+    median_misfit = float(np.median(misfit[labels > 0])) if (labels > 0).any() else 0.0
     for label in range(1, labels.max(initial=0) + 1):
         members = np.flatnonzero((labels == label) & complete)
         if len(members) < 6:
@@ -31,9 +47,9 @@ def second_test(points: Floats, misfit: Floats, labels: Integers, sparing: float
         residual = leave_one_out_residuals(vectors)
         relative = residual / max(float(np.median(residual)), 1e-12)
         product = misfit[members] / extent(points) * relative
-        outside[members] = (
-            (product > sparing * SECOND_OF_EXTENT)
-            & (relative > RESIDUALS_OF_MEDIAN)
-            & (misfit[members] > SECOND_OF_MEDIAN * usual)
+        outliers[members] = (
+            (product > factor * PRODUCT_LIMIT)
+            & (relative > RESIDUAL_OF_MEDIAN)
+            & (misfit[members] > MISFIT_OF_MEDIAN * median_misfit)
         )
-    return outside
+    return outliers

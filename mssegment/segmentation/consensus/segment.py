@@ -1,14 +1,13 @@
-"""Consensus as a ``ClusterResult``: every group's motion on its manifold, with its mode.
+"""Consensus as a ``ClusterResult``: the motion of every group on its manifold, and its mode.
 
-Each group gets a motion on the set that says most about it: the subspaces over all frames where
-they were drawn, else the homographies of the frame pair that sees most of the group. Mean
-shift climbs from there to the motion's mode.
+The motion of a group is estimated on the most informative set: the subspaces over all frames if
+there are any, otherwise the homographies of the frame pair in which most of the group is visible.
+Mean shift started at the motion finds its mode.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Literal
 
 import numpy as np
 
@@ -34,19 +33,19 @@ from mssegment.segmentation.consensus.label_propagation import (
     propagate_labels,
     tracks_to_group,
 )
+from mssegment.segmentation.modes import RankedModes, rank_modes
 from mssegment.segmentation.options import SegmentOptions
+from mssegment.segmentation.rank_selection import lowest_adequate_rank
 
 MODE_NOTE = (
-    "consensus: a mode is where mean shift arrives from its motion, its hypotheses are those made "
-    "of the motion's tracks alone"
+    "Long sequence: each mode is found by starting mean shift at its motion; its hypotheses are "
+    "those drawn from the tracks of that motion"
 )
-MODE_SAMPLE = 300
-"""So many hypotheses of a set tell the density; the bandwidth needs half of them."""
+DENSITY_SAMPLE = 300
+"""Hypotheses of a set from which the density is estimated; the bandwidth is from half of them."""
 TOLERANCE, MOST_STEPS = 1e-2, 200
-"""A trajectory ends when its shift is below this many bandwidths, or after this many steps."""
-PLANAR = 1.25
-"""A motion is planar if rank 3 leaves at most so many times the residual of rank 4."""
-REWEIGHTINGS = 5
+"""Mean shift ends when the step is below this many bandwidths, or after this many steps."""
+ROBUST_FIT_ROUNDS = 5
 """Rounds of the robust fit of a motion to its group."""
 
 
@@ -58,112 +57,116 @@ def segment_by_consensus(
     options: SegmentOptions,
     rng: np.random.Generator,
 ) -> ClusterResult:
-    """Segment the tracks ``points`` [P, F, 2] (pixels, NaN: not visible) by consensus.
+    """Segment tracks by consensus.
 
-    ``status`` [P] is 0 for tracks to label, else the label they keep. Raises DataError where the
-    hypotheses were not drawn for consensus, or see too few tracks.
+    Parameters
+    ----------
+    points : ndarray [P, F, 2]
+        Tracks in pixels, NaN where a point is not visible.
+    hypotheses : Hypotheses
+        Hypotheses drawn for consensus.
+    status : ndarray [P] of int
+        ``OUTLIER`` for tracks to label, otherwise the label that a track keeps.
+    options : SegmentOptions
+        The settings.
+    rng : numpy.random.Generator
+        Source of random numbers.
+
+    Returns
+    -------
+    ClusterResult
+
+    Raises
+    ------
+    DataError
+        If the hypotheses were not drawn for consensus, or apply to too few tracks.
     """
-    judged = status == OUTLIER
-    labels, notes = _labels(points, hypotheses, judged, options, rng)
-    labels = np.where(judged, labels, status).astype(np.int64)
+    eligible = status == OUTLIER
+    labels, notes = _labels(points, hypotheses, eligible, options, rng)
+    labels = np.where(eligible, labels, status).astype(np.int64)
     count = int(labels.max(initial=0))
-    observed_sets = [ObservedSet.of(points, entry) for entry in hypotheses.sets]
-    results = [
-        _of_the_lowest_rank(
-            [
-                _motion(label, index, observed_sets[index], labels)
-                for index in _sets_of(labels == label, observed_sets)
-            ],
-            observed_sets,
-        )
-        for label in range(1, count + 1)
-    ]
-    found_motions = tuple(motion for motion, _ in results)
-    modes, bandwidths, assignments = _modes(
-        hypotheses.sets, found_motions, labels, options.bandwidth, options.kernel, rng
-    )
+    observed_sets = [ObservedSet.of(points, one) for one in hypotheses.sets]
+    motions: list[Motion] = []
     residuals = np.full((count, len(points)), np.nan)
-    for row, (_, own) in enumerate(results):
-        residuals[row] = own
+    for label in range(1, count + 1):
+        motion, residuals[label - 1] = _motion(label, observed_sets, labels)
+        motions.append(motion)
+    found = _modes(hypotheses.sets, motions, labels, options, rng)
     return ClusterResult(
-        labels,
-        modes,
-        found_motions,
-        bandwidths,
-        residuals,
-        assignments,
-        (*notes, MODE_NOTE) if count else notes,
+        labels=labels,
+        modes=found.modes,
+        motions=tuple(motions),
+        bandwidths=found.bandwidths,
+        residuals=residuals,
+        assignments=found.assignments,
+        notes=(*notes, MODE_NOTE) if count else notes,
     )
 
 
 def _labels(
     points: Floats,
     hypotheses: Hypotheses,
-    judged: Flags,
+    eligible: Flags,
     options: SegmentOptions,
     rng: np.random.Generator,
 ) -> tuple[Integers, tuple[str, ...]]:
-    """Labels [P] of the judged tracks: some are grouped, the others join a group; and notes."""
-    grouped = tracks_to_group(judged, hypotheses.sets)
-    own, among = points[grouped], hypotheses_among(hypotheses, grouped)
+    """Labels [P] of the eligible tracks, some by grouping, the others by propagation; and notes."""
+    grouped = tracks_to_group(eligible, hypotheses.sets)
+    among = hypotheses_among(hypotheses, grouped)
     found = cluster_by_consensus(
-        own, among, rng, motions=options.motions, min_motions=options.min_motions
+        points[grouped], among, rng, motions=options.motions, min_motions=options.min_motions
     )
     labels = np.full(len(points), OUTLIER)
     labels[grouped] = found.labels
-    others = judged & ~grouped
+    others = eligible & ~grouped
     if others.any():
-        labels[others] = propagate_labels(
-            own,
-            among.sets,
-            found.labels,
-            found.misfit,
-            points[others],
-            perspective=among.partition == "normalized_cuts",
-        )
+        labels[others] = propagate_labels(points[others], points[grouped], found, among)
     return labels, found.notes
 
 
-def _of_the_lowest_rank(
-    fits: Sequence[tuple[Motion, Floats]], observed_sets: Sequence[ObservedSet]
+def _motion(
+    label: int, observed_sets: Sequence[ObservedSet], labels: Integers
 ) -> tuple[Motion, Floats]:
-    """The fit of the lowest rank that explains a group nearly as well as the best does."""
-    least = min(motion.rms for motion, _ in fits)
-    good = [fit for fit in fits if fit[0].rms <= PLANAR * least]
-    return min(good, key=lambda fit: observed_sets[fit[0].set_index].model.subset_size)
+    """The motion of a group, and its residuals [P] in pixels, NaN for tracks that have none."""
+    indices = _usable_sets(labels == label, observed_sets)
+    fits = [_robust_fit(label, index, observed_sets[index], labels) for index in indices]
+    ranks = [observed_sets[index].model.subset_size for index in indices]
+    return fits[lowest_adequate_rank([motion.rms for motion, _ in fits], ranks)]
 
 
-def _sets_of(members: Flags, observed_sets: Sequence[ObservedSet]) -> list[int]:
-    """The sets on which the motion of a group may be stated, those of models that a user knows.
+def _usable_sets(members: Flags, observed_sets: Sequence[ObservedSet]) -> list[int]:
+    """Indices of the sets on which the motion of a group may be estimated.
 
-    Whole tracks first, of every rank drawn; then the frame pair that sees the most tracks.
+    These are sets of models that a user may choose: those over all frames, of every rank, or that
+    of the frame pair in which most members are visible.
     """
-    frames = [entry.hypotheses.frames for entry in observed_sets]
-    usable = [i for i, entry in enumerate(observed_sets) if entry.model.name in MODELS]
+    frames = [observed_set.hypotheses.frames for observed_set in observed_sets]
+    usable = [i for i, one in enumerate(observed_sets) if one.model.name in MODELS]
     best = max(
         usable, key=lambda i: (len(frames[i]), int(members[observed_sets[i].tracks].sum()), -i)
     )
     return [i for i in usable if frames[i] == frames[best] and len(frames[i]) > 2] or [best]
 
 
-def _motion(
+def _robust_fit(
     label: int, index: int, observed_set: ObservedSet, labels: Integers
 ) -> tuple[Motion, Floats]:
-    """The robust fit to a group, and its residuals [P] in pixels, NaN where a track has none."""
+    """The motion of a group on one set, and its residuals [P] in pixels, NaN for other tracks."""
     model, normalization = observed_set.model, observed_set.hypotheses.normalization
-    own = labels[observed_set.tracks] == label
-    observed = observed_set.observed[own]
-    weights = np.ones(int(own.sum()))
-    for _ in range(REWEIGHTINGS):
+    members = labels[observed_set.tracks] == label
+    observed = observed_set.observed[members]
+    weights = np.ones(int(members.sum()))
+    for _ in range(ROBUST_FIT_ROUNDS):
         fitted, valid = model.fit(observed, weights[None])
         residual = model.residuals(fitted, observed, normalization)[0]
         finite = np.where(np.isfinite(residual), residual, 1e9)
         weights = geman_mcclure_weights(finite**2, (2 * float(np.median(finite)) + 1e-12) ** 2)
-    everywhere = np.full(len(labels), np.nan)
+    residuals = np.full(len(labels), np.nan)
     if valid[0]:
-        everywhere[observed_set.tracks] = observed_set.residuals(fitted)[0]
-    mine = everywhere[observed_set.tracks[own]]
-    rms = float(np.sqrt(np.mean(mine**2))) if np.isfinite(mine).all() and len(mine) else 0.0
+        residuals[observed_set.tracks] = observed_set.residuals(fitted)[0]
+    of_members = residuals[observed_set.tracks[members]]
+    usable = len(of_members) and np.isfinite(of_members).all()
+    rms = float(np.sqrt(np.mean(of_members**2))) if usable else 0.0
     motion = Motion(
         label=label,
         set_index=index,
@@ -173,50 +176,42 @@ def _motion(
         scale=rms,
         rms=rms,
     )
-    return motion, everywhere
+    return motion, residuals
 
 
 def _modes(
     sets: Sequence[HypothesisSet],
     motions: Sequence[Motion],
     labels: Integers,
-    bandwidth: float | Literal["auto"],
-    kernel: str,
+    options: SegmentOptions,
     rng: np.random.Generator,
-) -> tuple[tuple[Mode, ...], tuple[float, ...], tuple[Integers, ...]]:
-    """One mode per motion, densest first; the sets without a motion have bandwidth 0.
+) -> RankedModes:
+    """The mode of each motion, by mean shift started there; sets without a motion have bandwidth 0.
 
-    Mean shift starts at the motion itself. Its hypotheses are those that were made of its tracks
-    alone; the others are assigned to no mode (-1).
+    The hypotheses of a mode are those whose elemental subset is from the tracks of its motion; the
+    others are assigned to no mode.
     """
     bandwidths = [0.0] * len(sets)
-    places = [np.full(len(entry.points), -1, dtype=np.int64) for entry in sets]
+    assigned = [np.full(len(hypotheses.points), -1, dtype=np.int64) for hypotheses in sets]
     modes: list[Mode] = []
-    for place in sorted({motion.set_index for motion in motions}):
-        entry = sets[place]
-        own = [motion for motion in motions if motion.set_index == place]
-        manifold = manifolds.from_name(entry.manifold)
-        sample = entry.points[rng.permutation(len(entry.points))[:MODE_SAMPLE]]
-        bandwidths[place] = (
-            nearest_neighbour_bandwidth(manifold, sample[: MODE_SAMPLE // 2], rng)
-            if bandwidth == "auto"
-            else bandwidth
+    for index in sorted({motion.set_index for motion in motions}):
+        hypotheses = sets[index]
+        of_set = [motion for motion in motions if motion.set_index == index]
+        manifold = manifolds.from_name(hypotheses.manifold)
+        sample = hypotheses.points[rng.permutation(len(hypotheses.points))[:DENSITY_SAMPLE]]
+        bandwidths[index] = (
+            nearest_neighbour_bandwidth(manifold, sample[: DENSITY_SAMPLE // 2], rng)
+            if options.bandwidth == "auto"
+            else options.bandwidth
         )
-        starts = np.stack([motion.parameters for motion in own])
-        reached, densities = climb(manifold, sample, starts, bandwidths[place], kernel)
-        made_of = labels[entry.subsets]
-        for motion, point, density in zip(own, reached, densities, strict=True):
-            alone = (made_of == motion.label).all(axis=1)
-            places[place][alone] = len(modes)
-            modes.append(Mode(place, int(alone.sum()), float(density), point, motion.label))
-    order = sorted(range(len(modes)), key=lambda i: -modes[i].kde)
-    rank = np.full(len(modes) + 1, -1)
-    rank[order] = np.arange(len(modes))
-    return (
-        tuple(modes[i] for i in order),
-        tuple(bandwidths),
-        tuple(rank[place].astype(np.int64) for place in places),
-    )
+        starts = np.stack([motion.parameters for motion in of_set])
+        reached, densities = climb(manifold, sample, starts, bandwidths[index], options.kernel)
+        of_subset = labels[hypotheses.subsets]
+        for motion, point, density in zip(of_set, reached, densities, strict=True):
+            members = (of_subset == motion.label).all(axis=1)
+            assigned[index][members] = len(modes)
+            modes.append(Mode(index, int(members.sum()), float(density), point, motion.label))
+    return rank_modes(modes, bandwidths, assigned)
 
 
 def climb(

@@ -1,4 +1,4 @@
-"""The paper's selection: modes that dominate, each with its inliers without a threshold."""
+"""Selection of the paper: modes that dominate, each with its inliers, without a threshold."""
 
 from mssegment.segmentation.dominant_modes.choice import dominance
 

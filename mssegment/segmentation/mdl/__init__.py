@@ -1,9 +1,11 @@
-"""The shortest description of all tracks, and the motions that give it.
+"""Selection by minimum description length.
 
-What a motion saves on each track (``likelihood``, ``displacement``), what the labels cost
-(``labelling``), what the parameters cost (``description``); modes grown to candidates
-(``candidates``), the search for the set that saves most (``search``, ``refinement``), and what the
-user calls one thing (``granularity``, ``continuity``).
+- ``likelihood``, ``displacement``: what a motion saves on each track;
+- ``labelling``: what the labels cost;
+- ``description``: what the parameters cost, and the total;
+- ``candidates``: from modes to candidate motions;
+- ``search``, ``refinement``: the set of motions that saves most;
+- ``granularity``, ``continuity``: whether planar surfaces are one object.
 """
 
 from mssegment.segmentation.mdl.choice import mdl

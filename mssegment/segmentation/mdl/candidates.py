@@ -1,7 +1,8 @@
-"""Candidate motions: the modes at two scales, refitted; and what each saves on each track.
+"""Candidate motions: the modes, refitted at two scales, and what each saves on each track.
 
-A candidate is a motion with a scale. Every stage of its refitting is kept, because a candidate
-that grows alone ends by swallowing its neighbours: the early stages are often the better motions.
+A candidate is a motion with a scale. Every stage of its refitting is kept: a candidate that is
+refitted without competition ends up including neighbouring motions, so the early stages are often
+better.
 """
 
 from __future__ import annotations
@@ -15,19 +16,31 @@ from mssegment.sampling.observed import ObservedSet
 from mssegment.segmentation.mdl.displacement import displacement_gains
 from mssegment.segmentation.mdl.likelihood import Noise
 
-UNSOUND = 1e6
-"""Pixels; stands for an infinite residual."""
-STAGES = 5
-"""Fits of a mode, each to what the one before explains."""
-SAME = 0.05
-"""Share of the inliers by which two sets may differ whose fits would hardly do."""
+MAX_RESIDUAL = 1e6
+"""Residuals in pixels are at most this; infinite ones are replaced by it."""
+GROWTH_STAGES = 5
+"""Number of fits of a mode, each to the tracks that the previous one explains."""
+SAME_INLIERS_SHARE = 0.05
+"""Two sets of inliers count as one if they differ by at most this share."""
 
 
 class Candidates(Record, frozen=True):
-    """K motions: ``set_indices`` [K], and ``modes`` [K] that each grew from (-1: none).
+    """K motions, and what they save on P tracks.
 
-    ``points`` are K points on their manifolds, ``scales`` [K] pixels, ``gains`` [K, P] what each
-    saves on each track (nats), ``residuals`` [K, P] pixels, ``prices`` [K] nats.
+    Attributes
+    ----------
+    set_indices : ndarray [K] of int
+        Index of the set of hypotheses of each.
+    modes : ndarray [K] of int
+        Index of the mode that each was refitted from; -1 for none.
+    points : tuple of K ndarrays
+        Points on the manifolds.
+    scales : ndarray [K]
+        Scales of the residuals in pixels.
+    residuals : ndarray [K, P]
+        Residuals in pixels.
+    gains : ndarray [K, P]
+        Nats that each motion saves on each track.
     """
 
     set_indices: Integers
@@ -41,26 +54,29 @@ class Candidates(Record, frozen=True):
         return len(self.set_indices)
 
     @staticmethod
-    def none(tracks: int) -> Candidates:
-        """No candidates for so many tracks."""
+    def empty(tracks: int) -> Candidates:
+        """No candidates, for this number of tracks."""
         empty, rows = np.zeros(0, dtype=np.int64), np.zeros((0, tracks))
         return Candidates(empty, empty, (), np.zeros(0), rows, rows)
 
     def take(self, index: Sequence[int] | Integers) -> Candidates:
-        """The candidates ``index``."""
+        """The candidates with these indices."""
         i = np.asarray(index, dtype=np.int64)
-        points = tuple(self.points[k] for k in i)
         return Candidates(
             self.set_indices[i],
             self.modes[i],
-            points,
+            tuple(self.points[k] for k in i),
             self.scales[i],
             self.residuals[i],
             self.gains[i],
         )
 
+    def without(self, *index: int) -> Candidates:
+        """All candidates but those with these indices."""
+        return self.take([k for k in range(len(self)) if k not in index])
 
-def join(parts: Sequence[Candidates]) -> Candidates:
+
+def concatenate(parts: Sequence[Candidates]) -> Candidates:
     """All candidates of the ``parts``, in order."""
     return Candidates(
         np.concatenate([p.set_indices for p in parts]),
@@ -73,9 +89,9 @@ def join(parts: Sequence[Candidates]) -> Candidates:
 
 
 class Family(Record, frozen=True):
-    """One set of hypotheses with all that turns its motions into candidates.
+    """The motions of one set of hypotheses: its tracks, its model, and the noise of its residuals.
 
-    ``index`` is the place of the set.
+    ``index`` is the index of the set.
     """
 
     index: int
@@ -84,117 +100,110 @@ class Family(Record, frozen=True):
 
     def residuals(self, points: Floats) -> Floats:
         """Residuals [B, P] in pixels, finite."""
-        return np.fmin(self.observed_set.residuals(points), UNSOUND)
+        return np.fmin(self.observed_set.residuals(points), MAX_RESIDUAL)
 
-    def measured(self) -> Family:
-        """The same without parallax as noise: scales as small as measurements can have."""
+    def without_parallax(self) -> Family:
+        """The same family with measurement noise only."""
         noise = replace(self.noise, parallax=np.zeros_like(self.noise.parallax))
         return replace(self, noise=noise)
 
     def fitted(self, inliers: Floats, modes: Integers) -> list[Candidates]:
-        """The motions fitted to the ``inliers`` [B, P] (0 or 1), one element or none.
+        """Fit motions to their ``inliers`` [B, P] (0 or 1).
 
-        Unsound fits are left out.
+        Returns a list of at most one element; invalid fits are left out.
         """
         return self._fitted(inliers, inliers, modes)
 
-    def grown(self, inliers: Floats, modes: Integers, seen: Seen) -> list[Candidates]:
-        """Motions fitted to the ``inliers`` [B, P] (0 or 1), then to what they explain, and so on.
+    def grown(self, inliers: Floats, modes: Integers, fitted: FittedSets) -> list[Candidates]:
+        """Fit motions to their ``inliers`` [B, P] (0 or 1), then to what they explain, and so on.
 
-        One element per stage. Inliers that were ``seen`` already are not fitted again.
+        Returns one element per stage. Sets of inliers in ``fitted`` are not fitted again.
         """
-        made: list[Candidates] = []
+        stages: list[Candidates] = []
         weights = inliers
-        for _ in range(STAGES):
-            new = seen.new(inliers)
+        for _ in range(GROWTH_STAGES):
+            new = fitted.add_new(inliers)
             found = self._fitted(inliers[new], weights[new], modes[new])
             if not found:
                 break
-            made += found
+            stages += found
             residuals, scales, modes = found[0].residuals, found[0].scales, found[0].modes
             inliers = self.explained(residuals, scales)
             weights = inliers * self.noise.weights(residuals, scales)
-        return made
+        return stages
 
     def _fitted(self, inliers: Floats, weights: Floats, modes: Integers) -> list[Candidates]:
+        """The valid fits to weighted inliers, as candidates; a list of at most one element."""
         enough = np.flatnonzero(inliers.sum(axis=1) > self.observed_set.model.subset_size)
         if not enough.size:
             return []
         points, valid = self.observed_set.fit(weights[enough])
         if not valid.any():
             return []
-        points, own = points[valid], enough[valid]
-        inliers = inliers[own]
+        points, rows = points[valid], enough[valid]
+        inliers = inliers[rows]
         residuals = self.residuals(points)
         scales = self.noise.scales(residuals, inliers)
-        return [self._made(points, scales, residuals, modes[own], inliers)]
+        return [
+            Candidates(
+                np.full(len(points), self.index),
+                np.asarray(modes[rows], dtype=np.int64),
+                tuple(points),
+                scales,
+                residuals,
+                self.gains(points, residuals, scales, inliers),
+            )
+        ]
 
     def gains(self, points: Floats, residuals: Floats, scales: Floats, inliers: Floats) -> Floats:
         """Nats that each motion saves on each track, [B, P], given its ``inliers`` [B, P]."""
         gains = self.noise.gains(residuals, scales)
         observed_set = self.observed_set
-        moved = observed_set.model.displacements(
+        displacements = observed_set.model.displacements(
             points, observed_set.observed, observed_set.hypotheses.normalization
         )
-        if moved is None:
+        if displacements is None:
             return gains
-        return gains + displacement_gains(moved, inliers, self.noise)
+        return gains + displacement_gains(displacements, inliers, self.noise)
 
     def explained(self, residuals: Floats, scales: Floats) -> Floats:
-        """Where a motion saves more than half of what it would save on a perfect fit, [B, P]."""
-        return np.asarray(residuals < self.noise.half_gain(scales)[:, None], dtype=np.float64)
-
-    def _made(
-        self,
-        points: Floats,
-        scales: Floats,
-        residuals: Floats,
-        modes: Integers,
-        inliers: Floats,
-    ) -> Candidates:
-        count = len(points)
-        return Candidates(
-            np.full(count, self.index),
-            np.asarray(modes, dtype=np.int64),
-            tuple(points),
-            scales,
-            residuals,
-            self.gains(points, residuals, scales, inliers),
-        )
+        """1 where a motion saves more than half of its ``max_gain``, else 0, [B, P]."""
+        limits = self.noise.residual_at_half_gain(scales)
+        return np.asarray(residuals < limits[:, None], dtype=np.float64)
 
 
 def from_modes(family: Family, points: Floats, modes: Integers) -> list[Candidates]:
-    """The modes ``points`` [B, ...] grown from what they explain, at two scales."""
+    """Refit the modes ``points`` [B, ...] to what they explain, starting at two scales."""
     points = family.observed_set.model.orientations(points)
     modes = np.resize(modes, len(points))
     residuals = family.residuals(points)
-    made: list[Candidates] = []
-    seen = Seen(residuals.shape[1])
-    for scale in family.noise.first_scales():
+    candidates: list[Candidates] = []
+    fitted = FittedSets(residuals.shape[1])
+    for scale in family.noise.initial_scales():
         inliers = family.explained(residuals, np.full(len(points), scale))
-        made += family.grown(inliers, modes, seen)
-    return made
+        candidates += family.grown(inliers, modes, fitted)
+    return candidates
 
 
-class Seen:
-    """Sets of inliers that were fitted; those that differ by a few tracks count as one."""
+class FittedSets:
+    """Sets of inliers to which a motion was fitted; sets that hardly differ count as one."""
 
     def __init__(self, tracks: int) -> None:
         self._sets = np.zeros((0, tracks), dtype=np.float32)
 
-    def new(self, inliers: Floats) -> list[int]:
-        """The rows of ``inliers`` [B, P] (0 or 1) that are new; they are seen from now on."""
+    def add_new(self, inliers: Floats) -> list[int]:
+        """Add the rows of ``inliers`` [B, P] (0 or 1) that are new, and return their indices."""
         rows = inliers.astype(np.float32)
         known = len(self._sets)
-        every = np.concatenate([self._sets, rows])
-        size = every.sum(axis=1)
-        own = size[known:, None]
-        apart = own + size - 2.0 * (rows @ every.T)
-        same = apart <= SAME * own
-        among = same[:, known:].tolist()
-        fresh: list[int] = []
+        sets = np.concatenate([self._sets, rows])
+        sizes = sets.sum(axis=1)
+        row_sizes = sizes[known:, None]
+        differences = row_sizes + sizes - 2.0 * (rows @ sets.T)
+        same = differences <= SAME_INLIERS_SHARE * row_sizes
+        same_row = same[:, known:].tolist()
+        new: list[int] = []
         for row in np.flatnonzero(~same[:, :known].any(axis=1)).tolist():
-            if not any(among[row][k] for k in fresh):
-                fresh.append(row)
-        self._sets = np.concatenate([self._sets, rows[fresh]])
-        return fresh
+            if not any(same_row[row][k] for k in new):
+                new.append(row)
+        self._sets = np.concatenate([self._sets, rows[new]])
+        return new

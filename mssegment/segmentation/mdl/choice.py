@@ -1,13 +1,14 @@
-"""``mdl``: the motions, and their number, that give the shortest description of all tracks.
+"""``mdl``: the motions, and their number, with the shortest description of all tracks.
 
-The modes of the hypotheses are candidates; what each saves on each track is its likelihood against
-a uniform code (``likelihood``). A set of motions saves what its motions save on the tracks they
-win, less the price of their parameters and less the code of the labels: minus the logarithm of
-each label's frequency, so that splitting a body costs an amount *per track*, however dense the
-matches are. The search (``search``) starts with the candidates that save most and changes the set
-as long as the description gets shorter. At last the labels are settled once more, each coded with
-the labels of its neighbours. It is one mechanism for every motion model: a model adds its number of
-parameters, the dimension of its residual, its residual, its fit and the extent it leaves free.
+The modes of the hypotheses are candidates. What a motion saves on a track is the likelihood of the
+track relative to a uniform code (``likelihood``). A set of motions saves what its motions save on
+their tracks, minus the cost of their parameters, minus the code of the labels: the negative
+logarithm of the frequency of each label, so that splitting an object costs an amount *per track*,
+however dense the matches are. The search (``search``) starts with the candidates that save most and
+changes the set as long as the description becomes shorter. Finally the labels are computed once
+more, each coded given the labels of its neighbours. The same code serves every motion model: a
+model contributes its number of parameters, the dimension of its residual, its residual, its fit and
+the extent that it leaves free.
 """
 
 from __future__ import annotations
@@ -18,86 +19,115 @@ import numpy as np
 
 from mssegment.records import Integers, Record, replace
 from mssegment.sampling.neighbourhoods import nearest_neighbours, neighbour_space
-from mssegment.segmentation.mdl.candidates import Candidates, Family, from_modes, join
-from mssegment.segmentation.mdl.continuity import join_faces
+from mssegment.segmentation.mdl.candidates import Candidates, Family, concatenate, from_modes
+from mssegment.segmentation.mdl.continuity import merge_faces
 from mssegment.segmentation.mdl.description import Description
-from mssegment.segmentation.mdl.granularity import parallax_of, scale_range, suggest
-from mssegment.segmentation.mdl.labelling import NEIGHBOURS, Neighbourhood, neighbour_labels
+from mssegment.segmentation.mdl.granularity import parallax_noise, scale_range, suggest
+from mssegment.segmentation.mdl.labelling import (
+    LABEL_NEIGHBOURS,
+    Neighbourhood,
+    neighbour_labels,
+)
 from mssegment.segmentation.mdl.likelihood import Noise, uniform_cost
 from mssegment.segmentation.mdl.refinement import refit_once
 from mssegment.segmentation.mdl.search import improve, refitted, start
 from mssegment.segmentation.options import Granularity
 from mssegment.segmentation.selection import SelectedMotion, SelectionProblem, SelectionResult
 
-TRUST = 0.5
-"""How far the labels of walls are predicted by their neighbours', how far by frequency."""
-SETTLING = 5
-"""Turns of neighbour labels and refits at the end."""
+PLANE_NEIGHBOUR_WEIGHT = 0.5
+"""Weight of the prediction of a label by its neighbours, relative to that by frequency, for planes
+under perspective."""
+FINAL_ROUNDS = 5
+"""Rounds of neighbour labels and refits at the end."""
 
 
-class Recipe(Record, frozen=True):
-    """What the ablation takes away, one at a time.
+class Ingredients(Record, frozen=True):
+    """What the ablation study removes, one at a time.
 
-    ``price`` multiplies what stating the parameters costs; ``freedom`` the degrees of
-    freedom of the residuals' distribution (infinite: Gaussian); ``moves`` whether the set is
-    changed and refitted after the start; ``neighbours`` whether labels are settled with their
-    neighbours'; ``differences`` whether a motion may be stated by its difference from another.
+    Attributes
+    ----------
+    parameter_weight : float
+        Factor of the cost of the parameters.
+    degrees_of_freedom : float
+        Of the distribution of residuals; infinite for a Gaussian.
+    search : bool
+        Whether the set is changed after the start.
+    neighbour_labels : bool
+        Whether the final labels depend on those of neighbours.
+    relative_coding : bool
+        Whether a motion may be coded relative to another.
+    label_cost : bool
+        Whether labels cost anything.
     """
 
-    price: float = 1.0
-    freedom: float = 2.5
-    moves: bool = True
-    neighbours: bool = True
-    differences: bool = True
+    parameter_weight: float = 1.0
+    degrees_of_freedom: float = 2.5
+    search: bool = True
+    neighbour_labels: bool = True
+    relative_coding: bool = True
     label_cost: bool = True
 
 
-STANDARD = Recipe()
+ALL_INGREDIENTS = Ingredients()
 
 
-def mdl(problem: SelectionProblem, recipe: Recipe = STANDARD) -> SelectionResult:
-    """The motions of the shortest description of the tracks of ``problem``.
+def mdl(problem: SelectionProblem, ingredients: Ingredients = ALL_INGREDIENTS) -> SelectionResult:
+    """Select the motions with the shortest description of the tracks.
 
-    Sources: Rissanen, Modeling by shortest data description (1978) for the principle; Delong,
-    Osokin, Isack and Boykov, Fast approximate energy minimization with label costs (2012) for
-    motions with prices.
+    Parameters
+    ----------
+    problem : SelectionProblem
+        The tracks and the modes.
+    ingredients : Ingredients
+        All by default; fewer for the ablation study.
+
+    Returns
+    -------
+    SelectionResult
+
+    References
+    ----------
+    Rissanen, Modeling by shortest data description, 1978.
+    Delong, Osokin, Isack and Boykov, Fast approximate energy minimization with label costs, 2012.
     """
-    problem, notes = with_granularity(problem, recipe)
-    best, description = shortest(problem, recipe)
-    labels, best = settle(problem, best, description, recipe.neighbours)
+    problem, notes = decide_granularity(problem, ingredients)
+    best, description = shortest_description(problem, ingredients)
+    labels, best = final_labels(problem, best, description, ingredients.neighbour_labels)
     if problem.options.granularity == "object" and problem.options.motions is None:
-        labels, best = join_faces(problem, labels, best, description)
-    found = motions_of(best, labels, description)
-    if len(found) < description.fewest:
-        notes.append(f"{description.fewest} motions were wanted, but the tracks hold {len(found)}")
+        labels, best = merge_faces(problem, labels, best, description)
+    found = selected_motions(best, labels, description)
+    if len(found) < description.min_motions:
+        notes.append(f"{description.min_motions} motions requested, {len(found)} found")
     if len(problem.observed_sets) > 1 and found:
         notes.append(models_chosen(problem, found))
     return SelectionResult(tuple(found), tuple(notes))
 
 
-def shortest(problem: SelectionProblem, recipe: Recipe) -> tuple[Candidates, Description]:
-    """The motions that save most, before the labels are settled."""
-    families = make_families(problem, recipe)
+def shortest_description(
+    problem: SelectionProblem, ingredients: Ingredients
+) -> tuple[Candidates, Description]:
+    """The motions that save most, before the final labels are computed."""
+    families = make_families(problem, ingredients)
     pool = candidate_pool(problem, families)
-    description = describe_tracks(problem, families, recipe)
+    description = make_description(problem, families, ingredients)
     best = start(pool, description)
-    if not recipe.moves:
+    if not ingredients.search:
         return refitted(best, description)[0], description
     return improve(best, pool, description), description
 
 
-def with_granularity(
-    problem: SelectionProblem, recipe: Recipe
+def decide_granularity(
+    problem: SelectionProblem, ingredients: Ingredients
 ) -> tuple[SelectionProblem, list[str]]:
-    """``problem`` with ``auto`` decided, and what to tell the user about it."""
+    """Replace granularity ``auto``, and note the decision for the user."""
     if problem.options.granularity != "auto":
         return problem, []
-    surfaces = _at(problem, "surface")
-    if not has_walls(problem):
-        return _at(problem, "object"), [
-            "granularity auto: object (only homographies can tell surfaces from objects)"
+    surfaces = _with_granularity(problem, "surface")
+    if not has_perspective_planes(problem):
+        return _with_granularity(problem, "object"), [
+            "granularity auto: object (only homographies can separate surfaces from objects)"
         ]
-    found, description = shortest(surfaces, recipe)
+    found, description = shortest_description(surfaces, ingredients)
     labels = description.labels(found)
     inliers = labels == np.arange(1, len(found) + 1)[:, None]
     scales = np.zeros(len(found))
@@ -105,133 +135,141 @@ def with_granularity(
         noise = replace(description.families[int(found.set_indices[k])].noise, floor=0.0)
         scales[k] = noise.scales(found.residuals[[k]], inliers[[k]].astype(np.float64))[0]
     suggestion = suggest(scales, inliers.sum(axis=1), problem.points)
-    word = "are" if suggestion == "surface" else "are not"
-    note = f"granularity auto: {suggestion} (the pieces {word} flat); the choice is yours"
-    return _at(problem, suggestion), [note]
+    verb = "are" if suggestion == "surface" else "are not"
+    note = (
+        f"granularity auto: {suggestion} (the planes found {verb} flat); set segment.granularity "
+        "to override"
+    )
+    return _with_granularity(problem, suggestion), [note]
 
 
-def _at(problem: SelectionProblem, granularity: Granularity) -> SelectionProblem:
+def _with_granularity(problem: SelectionProblem, granularity: Granularity) -> SelectionProblem:
+    """A copy of the problem with this granularity."""
     return replace(problem, options=replace(problem.options, granularity=granularity))
 
 
-def has_walls(problem: SelectionProblem) -> bool:
-    """Whether motions may be those of planes seen in perspective, parts of something larger."""
+def has_perspective_planes(problem: SelectionProblem) -> bool:
+    """Whether motions may be those of planes under perspective, parts of something larger."""
     return any(
         observed_set.model.planar_under_perspective for observed_set in problem.observed_sets
     )
 
 
-def describe_tracks(
-    problem: SelectionProblem, families: Sequence[Family], recipe: Recipe
+def make_description(
+    problem: SelectionProblem, families: Sequence[Family], ingredients: Ingredients
 ) -> Description:
-    """The description that ``problem`` asks for."""
+    """The description for the options and models of ``problem``."""
     given = problem.options.motions
+    surface = problem.options.granularity == "surface"
     exact = all(family.observed_set.model.leaves_parallax_free for family in families)
-    # a body that turns a little misfits its translation smoothly
+    # an object that rotates slightly has smooth residuals from its translation
     smooth = any(observed_set.model.needs_camera for observed_set in problem.observed_sets)
-    apart = problem.options.granularity == "surface" or (exact and not smooth)
-    nearest = nearest_neighbours(problem.points, NEIGHBOURS) if apart else None
-    walls = has_walls(problem)
-    # parallax, and a tracker's drift over many frames, are smooth inside a body: no second motion
-    rigid = problem.options.granularity == "surface" and problem.points.shape[1] == 2
+    code_by_neighbours = surface or (exact and not smooth)
+    planes = has_perspective_planes(problem)
+    # parallax, and drift over many frames, vary smoothly within an object: not a second motion
+    rigid = surface and problem.points.shape[1] == 2
     return Description(
         families,
         problem.points[:, 0],
-        fewest=problem.options.min_motions if given is None else given,
-        most=np.inf if given is None else given,
-        price=recipe.price,
-        label_cost=recipe.label_cost,
-        nearest=nearest,
-        trust=TRUST if walls else 1.0,
-        differences=recipe.differences and rigid and not walls,
+        min_motions=problem.options.min_motions if given is None else given,
+        max_motions=np.inf if given is None else given,
+        parameter_weight=ingredients.parameter_weight,
+        label_cost=ingredients.label_cost,
+        neighbours=(
+            nearest_neighbours(problem.points, LABEL_NEIGHBOURS) if code_by_neighbours else None
+        ),
+        neighbour_weight=PLANE_NEIGHBOUR_WEIGHT if planes else 1.0,
+        relative_coding=ingredients.relative_coding and rigid and not planes,
     )
 
 
-def make_families(problem: SelectionProblem, recipe: Recipe) -> list[Family]:
-    """The sets of ``problem`` with their noise."""
-    outlier = uniform_cost(problem.points)
+def make_families(problem: SelectionProblem, ingredients: Ingredients) -> list[Family]:
+    """The sets of ``problem`` with the noise of each."""
+    outlier_cost = uniform_cost(problem.points)
     families = []
     for index, observed_set in enumerate(problem.observed_sets):
-        model = observed_set.model
-        free = model.free_extent(observed_set.observed, observed_set.hypotheses.normalization)
+        model, normalization = observed_set.model, observed_set.hypotheses.normalization
         predicts_points = not model.leaves_parallax_free
         floor, cap = scale_range(problem.points, predicts_points, model.needs_camera)
+        granularity = problem.options.granularity
         noise = Noise(
-            model.residual_dimension,
-            model.residual_terms,
-            floor,
-            cap,
-            free,
-            outlier,
-            parallax_of(problem.points, problem.options.granularity, predicts_points),
-            recipe.freedom,
+            dimension=model.residual_dimension,
+            residual_terms=model.residual_terms,
+            floor=floor,
+            cap=cap,
+            log_free_extent=model.log_free_extent(observed_set.observed, normalization),
+            outlier_cost=outlier_cost,
+            parallax=parallax_noise(problem.points, granularity, predicts_points),
+            degrees_of_freedom=ingredients.degrees_of_freedom,
         )
         families.append(Family(index, observed_set, noise))
     return families
 
 
 def candidate_pool(problem: SelectionProblem, families: Sequence[Family]) -> Candidates:
-    """All candidates: every mode of every set."""
+    """All candidates, from every mode of every set."""
     parts: list[Candidates] = []
     for family in families:
-        own = [i for i, mode in enumerate(problem.modes) if mode.set_index == family.index]
-        if own:
-            points = np.stack([problem.modes[i].point for i in own])
-            parts += from_modes(family, points, np.array(own))
-    return join(parts) if parts else Candidates.none(len(problem.points))
+        modes = [i for i, mode in enumerate(problem.modes) if mode.set_index == family.index]
+        if modes:
+            points = np.stack([problem.modes[i].point for i in modes])
+            parts += from_modes(family, points, np.array(modes))
+    return concatenate(parts) if parts else Candidates.empty(len(problem.points))
 
 
-def settle(
-    problem: SelectionProblem, chosen: Candidates, description: Description, neighbours: bool
+def final_labels(
+    problem: SelectionProblem,
+    current: Candidates,
+    description: Description,
+    use_neighbours: bool,
 ) -> tuple[Integers, Candidates]:
-    """The final labels [P], each coded with its neighbours', and the motions fitted to them.
+    """The final labels [P], each coded given its neighbours, and the motions refitted to them.
 
-    How large a misfit is one body decides what the motions are; which tracks belong to them is
-    decided at the scale that each motion turns out to have.
+    The scale up to which a misfit is noise, including parallax, determines what the motions are.
+    Which tracks belong to them is decided at the scale of the residuals of each motion.
     """
-    if not neighbours:
-        return description.labels(chosen), chosen
-    families = [family.measured() for family in description.families]
+    if not use_neighbours:
+        return description.labels(current), current
+    families = [family.without_parallax() for family in description.families]
     neighbourhood = Neighbourhood(neighbour_space(problem.points))
-    labels = neighbour_labels(chosen.gains, neighbourhood, description.labels(chosen))
-    for _ in range(SETTLING):
-        inliers = labels == np.arange(1, len(chosen) + 1)[:, None]
-        chosen = refit_once(families, chosen, inliers.astype(np.float64))
-        before, labels = labels, neighbour_labels(chosen.gains, neighbourhood, labels)
+    labels = neighbour_labels(current.gains, neighbourhood, description.labels(current))
+    for _ in range(FINAL_ROUNDS):
+        inliers = labels == np.arange(1, len(current) + 1)[:, None]
+        current = refit_once(families, current, inliers.astype(np.float64))
+        before, labels = labels, neighbour_labels(current.gains, neighbourhood, labels)
         if np.array_equal(labels, before):
             break
-    return labels, chosen
+    return labels, current
 
 
 def models_chosen(problem: SelectionProblem, found: Sequence[SelectedMotion]) -> str:
-    """Which model the description length chose for each motion, as a sentence."""
+    """A note with the model of each motion, which the description length has selected."""
     ranked = sorted(found, key=lambda motion: -int(motion.inliers.sum()))
     names = [problem.observed_sets[motion.set_index].model.name for motion in ranked]
     return "models chosen: " + ", ".join(f"{n} {name}" for n, name in enumerate(names, start=1))
 
 
-def motions_of(
-    chosen: Candidates, labels: Integers, description: Description
+def selected_motions(
+    current: Candidates, labels: Integers, description: Description
 ) -> list[SelectedMotion]:
-    """The motions as the rest of the house knows them."""
-    total = description.worth(chosen)
+    """The candidates that have tracks, as the result of the selection."""
+    total = description.saved_without_bounds(current)
     found = []
-    for k in range(len(chosen)):
+    for k in range(len(current)):
         inliers = labels == k + 1
         if not inliers.any():
             continue
-        rest = chosen.take([j for j in range(len(chosen)) if j != k])
-        explained = inliers & (chosen.gains[k] > 0)
-        residuals = chosen.residuals[k][explained if explained.any() else inliers]
-        noise = description.families[int(chosen.set_indices[k])].noise
+        explained = inliers & (current.gains[k] > 0)
+        residuals = current.residuals[k][explained if explained.any() else inliers]
+        noise = description.families[int(current.set_indices[k])].noise
         found.append(
             SelectedMotion(
-                set_index=int(chosen.set_indices[k]),
-                point=chosen.points[k],
+                set_index=int(current.set_indices[k]),
+                point=current.points[k],
                 inliers=inliers,
-                mode=int(chosen.modes[k]),
-                scale=noise.deviation(residuals),
-                cost_saved=total - description.worth(rest),
+                mode=int(current.modes[k]),
+                scale=noise.standard_deviation(residuals),
+                cost_saved=total - description.saved_without_bounds(current.without(k)),
             )
         )
     return found

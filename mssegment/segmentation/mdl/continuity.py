@@ -1,10 +1,10 @@
-"""Faces of one body: motions that go over into each other where their tracks meet.
+"""Faces of one object: motions that agree where their tracks meet.
 
-Two faces of a box are two planes, and each moves by its own homography; but along their edge both
-say the same. Two bodies that meet in the picture move apart there. So where the user means objects,
-motions whose tracks are neighbours are joined when, on the way from a track of one to a track of
-the other, there is a place that both send to the same point, to within the noise and the parallax
-that an object may have.
+Two faces of a box are two planes, each with its own homography, but along their common edge both
+map points alike. Two objects that meet in the image move apart there. If a motion is that of an
+object, motions with neighbouring tracks are merged if, on the line from a track of one to a track
+of the other, there is a point that both map to the same position, up to noise and the parallax that
+an object may have.
 """
 
 from __future__ import annotations
@@ -16,98 +16,129 @@ import numpy as np
 from mssegment.geometry.projective import homogeneous_rows, transfer
 from mssegment.neighbours import nearest_others
 from mssegment.records import Floats, Integers
-from mssegment.segmentation.mdl.candidates import Candidates, join
+from mssegment.segmentation.mdl.candidates import Candidates, concatenate
 from mssegment.segmentation.mdl.description import Description
 from mssegment.segmentation.selection import SelectionProblem
 from mssegment.special import distinct, median
 
-NEIGHBOURS = 6
-"""Nearest labelled tracks of a track; those of another motion lie across a border."""
-BORDER = 3
-"""Tracks on either side that make a border: fewer may be strays."""
-STEPS = 5
-"""Places looked at on the way between two tracks."""
-TOLERANCE = 2.5
-"""Standard deviations of the noise of both motions together."""
+BORDER_NEIGHBOURS = 6
+"""Nearest labelled neighbours of a track; those of another motion are across a border."""
+MIN_BORDER_TRACKS = 3
+"""Smallest number of tracks on either side of a border."""
+POINTS_BETWEEN = 5
+"""Number of points compared between two tracks."""
+NOISE_DEVIATIONS = 2.5
+"""Largest difference, in standard deviations of the noise of both motions."""
 
 
-def join_faces(
-    problem: SelectionProblem, labels: Integers, chosen: Candidates, description: Description
+def merge_faces(
+    problem: SelectionProblem, labels: Integers, current: Candidates, description: Description
 ) -> tuple[Integers, Candidates]:
-    """The labels [P] and motions when the motions that are faces of one body are one.
+    """Merge motions that are faces of one object.
 
-    The body's motion is the one that saves most on its tracks, of its faces' and of those fitted to
-    all of it. Models that leave parallax free have no faces.
+    The motion of the object is the one that saves most on its tracks, among those of its faces and
+    those fitted to all of its tracks. Models that leave parallax free have no faces.
+
+    Parameters
+    ----------
+    problem : SelectionProblem
+        The tracks and the modes.
+    labels : ndarray [P] of int
+        Labels of the motions, 0 for outliers.
+    current : Candidates
+        The motions 1, 2, ...
+    description : Description
+        The description of the tracks.
+
+    Returns
+    -------
+    labels : ndarray [P] of int
+    current : Candidates
     """
-    if len(chosen) < 2 or any(
+    if len(current) < 2 or any(
         family.observed_set.model.leaves_parallax_free for family in description.families
     ):
-        return labels, chosen
-    body = bodies(labels, continuous(problem, labels, chosen, description))
-    count = int(body.max()) + 1
-    if count == len(chosen) or count < problem.options.min_motions:
-        return labels, chosen
-    joined = np.where(labels > 0, body[labels - 1] + 1, 0)
+        return labels, current
+    object_of = group_motions(labels, continuous_pairs(problem, labels, current, description))
+    count = int(object_of.max()) + 1
+    if count == len(current) or count < problem.options.min_motions:
+        return labels, current
+    merged = np.where(labels > 0, object_of[labels - 1] + 1, 0)
     motions = []
     for k in range(count):
-        faces = np.flatnonzero(body == k)
-        own = (joined == k + 1).astype(np.float64)
-        tried = [chosen.take(faces)]
+        faces = np.flatnonzero(object_of == k)
+        inliers = (merged == k + 1).astype(np.float64)
+        candidates = [current.take(faces)]
         if len(faces) > 1:
             for family in description.families:
-                tried += family.fitted(own[None], chosen.modes[faces[:1]])
-        motions.append(_saving_most(join(tried), own))
-    return joined, join(motions)
+                candidates += family.fitted(inliers[None], current.modes[faces[:1]])
+        motions.append(_saving_most(concatenate(candidates), inliers))
+    return merged, concatenate(motions)
 
 
-def continuous(
-    problem: SelectionProblem, labels: Integers, chosen: Candidates, description: Description
+def continuous_pairs(
+    problem: SelectionProblem, labels: Integers, current: Candidates, description: Description
 ) -> list[tuple[int, int]]:
-    """The pairs of motions, indices into ``chosen``, that go over into each other."""
-    kept = np.flatnonzero(labels > 0)
-    places = problem.points[kept, 0]
-    near = nearest_others(places, NEIGHBOURS)
-    parallax = description.families[0].noise.parallax[kept]
+    """The pairs of motions, as indices into ``current``, that agree at their border."""
+    tracks = np.flatnonzero(labels > 0)
+    positions = problem.points[tracks, 0]
+    near = nearest_others(positions, BORDER_NEIGHBOURS)
+    parallax = description.families[0].noise.parallax[tracks]
     found = []
-    for a, b in combinations(range(len(chosen)), 2):
-        one, other = _across(labels[kept], near, a + 1, b + 1)
-        if min(len(distinct(one)), len(distinct(other))) < BORDER:
+    for a, b in combinations(range(len(current)), 2):
+        one, other = _border(labels[tracks], near, a + 1, b + 1)
+        if min(len(distinct(one)), len(distinct(other))) < MIN_BORDER_TRACKS:
             continue
-        way = np.linspace(places[one], places[other], STEPS)
-        gap = _transferred(problem, chosen, a, way) - _transferred(problem, chosen, b, way)
-        least = np.sqrt((gap**2).sum(axis=-1)).min(axis=0)
-        noise = TOLERANCE * np.hypot(chosen.scales[a], chosen.scales[b])
+        between = np.linspace(positions[one], positions[other], POINTS_BETWEEN)
+        images = [_transfer_points(problem, current, k, between) for k in (a, b)]
+        least = np.linalg.norm(images[0] - images[1], axis=-1).min(axis=0)
+        noise = NOISE_DEVIATIONS * np.hypot(current.scales[a], current.scales[b])
         if median(least / np.hypot(noise, parallax[one])) < 1:
             found.append((a, b))
     return found
 
 
-def bodies(labels: Integers, pairs: list[tuple[int, int]]) -> Integers:
-    """The body of each motion 1..m of ``labels`` when the ``pairs`` (from 0) share one, from 0."""
-    body = np.arange(labels.max(initial=0))
+def group_motions(labels: Integers, pairs: list[tuple[int, int]]) -> Integers:
+    """Index of the object of each motion if the motions of each pair belong to one object.
+
+    Examples
+    --------
+    Motions 1 and 3 of four are faces of one object:
+
+    >>> import numpy as np
+    >>> group_motions(np.array([1, 2, 3, 4]), [(0, 2)]).tolist()
+    [0, 1, 0, 2]
+    """
+    object_of = np.arange(labels.max(initial=0))
     for a, b in pairs:
-        body[body == body[b]] = body[a]
-    return np.asarray(np.unique(body, return_inverse=True)[1], dtype=np.int64)
+        object_of[object_of == object_of[b]] = object_of[a]
+    return np.asarray(np.unique(object_of, return_inverse=True)[1], dtype=np.int64)
 
 
-def _across(labels: Integers, near: Integers, a: int, b: int) -> tuple[Integers, Integers]:
-    """Neighbours across the border of ``a`` and ``b``: a track of ``a`` each, and one of ``b``."""
-    around = labels[near]
-    row, place = np.nonzero((labels[:, None] == a) & (around == b))
-    back, other = np.nonzero((labels[:, None] == b) & (around == a))
-    return np.concatenate([row, near[back, other]]), np.concatenate([near[row, place], back])
+def _border(labels: Integers, near: Integers, a: int, b: int) -> tuple[Integers, Integers]:
+    """Pairs of neighbours across the border: tracks of motion ``a``, and those of ``b``."""
+    neighbour_labels = labels[near]
+    a_track, b_index = np.nonzero((labels[:, None] == a) & (neighbour_labels == b))
+    b_track, a_index = np.nonzero((labels[:, None] == b) & (neighbour_labels == a))
+    return (
+        np.concatenate([a_track, near[b_track, a_index]]),
+        np.concatenate([near[a_track, b_index], b_track]),
+    )
 
 
-def _transferred(problem: SelectionProblem, chosen: Candidates, k: int, places: Floats) -> Floats:
-    """Where motion ``k``, a 3 x 3 matrix, sends ``places`` [..., 2] of the first frame, pixels."""
-    normalization = problem.observed_sets[int(chosen.set_indices[k])].hypotheses.normalization
-    scale, shape = normalization.scale, places.shape
-    rows = homogeneous_rows(((places - normalization.centres[0]) / scale).reshape(-1, 2))
-    x, y, _ = transfer(chosen.points[k][None], rows)
+def _transfer_points(
+    problem: SelectionProblem, current: Candidates, k: int, points: Floats
+) -> Floats:
+    """Map ``points`` [..., 2] of the first frame, in pixels, by motion ``k``, a 3 x 3 matrix."""
+    normalization = problem.observed_sets[int(current.set_indices[k])].hypotheses.normalization
+    scale, shape = normalization.scale, points.shape
+    rows = homogeneous_rows(((points - normalization.centres[0]) / scale).reshape(-1, 2))
+    x, y, _ = transfer(current.points[k][None], rows)
     image = scale * np.stack([x[0], y[0]], axis=1).reshape(shape)
     return np.asarray(image + normalization.centres[1])
 
 
-def _saving_most(tried: Candidates, tracks: Floats) -> Candidates:
-    saved = np.maximum(tried.gains, 0.0) @ tracks
-    return tried.take([int(saved.argmax())])
+def _saving_most(candidates: Candidates, tracks: Floats) -> Candidates:
+    """The candidate that saves most on the ``tracks`` [P] (0 or 1)."""
+    saved = np.maximum(candidates.gains, 0.0) @ tracks
+    return candidates.take([int(saved.argmax())])

@@ -1,7 +1,8 @@
-"""How long the description of all tracks is when a set of motions is used.
+"""Description length of all tracks, given a set of motions.
 
 It consists of the tracks (``likelihood``), their labels (``labelling``), and the parameters of the
-motions. All is measured as what is saved against the description without any motion, in nats.
+motions. Everything is measured as what is saved, in nats, relative to the description without a
+motion.
 """
 
 from __future__ import annotations
@@ -21,134 +22,154 @@ from mssegment.segmentation.mdl.labelling import (
     smooth_labels,
 )
 
-QUANTUM = 0.5 * float(np.log(12.0)) - 0.5
-"""Nats that the best precision saves per parameter (Wallace and Freeman, 1987)."""
-CONFIRMED = 2
-"""A motion needs so many times the tracks of an elemental subset: as many again confirm it."""
-LEAST_LENGTH = 1e-12
-"""Pixels; tracks in one place must not make a logarithm infinite."""
-FARTHEST = 1e4
-"""Pixels; a residual beyond is no longer told apart."""
-FORBIDDEN = 1e6
-"""Nats; more than any description saves."""
+PRECISION_GAIN = 0.5 * float(np.log(12.0)) - 0.5
+"""Nats that the optimal precision of a parameter saves (Wallace and Freeman, 1987)."""
+SUBSETS_PER_MOTION = 2
+"""A motion must have at least this many times the tracks of an elemental subset."""
+MIN_LENGTH = 1e-12
+"""Smallest length in pixels, so that the logarithm for coincident tracks is finite."""
+RESIDUAL_CAP = 1e4
+"""Residuals beyond this, in pixels, are treated as equal."""
+PENALTY = 1e6
+"""Nats per violated bound; more than any description saves."""
 
 
 class Description(Record, frozen=True):
-    """The description of tracks that lie at ``places`` [P, 2] (pixels, first frame).
+    """The description of tracks by a set of motions.
 
-    ``fewest`` and ``most`` bound the number of motions; ``price`` multiplies what the parameters
-    cost and ``label_cost`` says whether labels cost anything (both for the ablation).
+    Attributes
+    ----------
+    families : sequence of Family
+        The sets of hypotheses.
+    positions : ndarray [P, 2]
+        Positions of the tracks in the first frame, in pixels.
+    min_motions, max_motions : int
+        Bounds of the number of motions.
+    parameter_weight : float
+        Factor of the cost of the parameters (for the ablation study).
+    label_cost : bool
+        Whether labels cost anything (for the ablation study).
+    neighbours : ndarray [P, k] of int, optional
+        Nearest neighbours of each track, if labels are coded by those of the neighbours; otherwise
+        they are coded by frequency.
+    neighbour_weight : float
+        If below 1, labels are coded by both predictions, with this weight for that by neighbours.
+    relative_coding : bool
+        Whether the parameters of a motion may be coded relative to those of a larger one.
 
-    Labels are coded by frequency where a misfit may be smooth, as parallax is: then coherent labels
-    are no evidence of two bodies. Else they are coded by those of the tracks ``nearest`` [P, k] to
-    each, and bodies that lie apart are told apart more easily. ``trust`` below 1 pools both
-    predictions, with this weight on that of the neighbours: walls meet at an edge, where a slight
-    bend must not pass for two planes.
+    Notes
+    -----
+    Labels are coded by frequency where residuals may vary smoothly, as parallax does, since
+    coherent labels are then no evidence of two motions. Otherwise they are coded given the labels
+    of neighbours, which separates objects that are apart in the image more easily. Planes meet at
+    edges, where a slight curvature must not look like two planes; for them both predictions are
+    combined.
 
-    With ``differences`` a motion may be stated by its difference from a larger one, so that bodies
-    that move almost alike are not taken for one. (Not where misfits are smooth inside a body, or
-    the parts of one wall move almost alike.)
+    Relative coding separates objects that move almost alike. It is not used where residuals vary
+    smoothly within an object, or where parts of one surface move almost alike.
     """
 
     families: Sequence[Family]
-    places: Floats
-    fewest: int = 0
-    most: float = np.inf
-    price: float = 1.0
+    positions: Floats
+    min_motions: int = 0
+    max_motions: float = np.inf
+    parameter_weight: float = 1.0
     label_cost: bool = True
-    nearest: Integers | None = None
-    trust: float = 1.0
-    differences: bool = False
+    neighbours: Integers | None = None
+    neighbour_weight: float = 1.0
+    relative_coding: bool = False
 
-    def labels(self, chosen: Candidates) -> Integers:
-        """The labels [P] that the motions ``chosen`` give, 0 for outliers."""
-        return self._labelled(chosen)[0]
+    def labels(self, motions: Candidates) -> Integers:
+        """The labels [P] with which ``motions`` save most, 0 for outliers."""
+        return self._label(motions)[0]
 
-    def _labelled(self, chosen: Candidates) -> tuple[Integers, float]:
-        """The labels, and what they save without the price of the motions."""
-        labels, value = frequency_labels(chosen.gains, self.label_cost, self.nearest is not None)
-        if self.nearest is None or not self.label_cost or not len(chosen):
-            return labels, value
-        if self.trust < 1:
-            bent = frequency_cost(labels) - neighbour_cost(labels, self.nearest)
-            return labels, value + self.trust * bent
-        if len(chosen) > 1:
-            labels = smooth_labels(chosen.gains, self.nearest, labels)
-        won = labels > 0
-        value = float(chosen.gains[labels[won] - 1, np.flatnonzero(won)].sum())
-        return labels, value - neighbour_cost(labels, self.nearest)
+    def _label(self, motions: Candidates) -> tuple[Integers, float]:
+        """The labels, and the nats saved before the cost of the parameters."""
+        common_frequency = self.neighbours is not None
+        labels, saved = frequency_labels(motions.gains, self.label_cost, common_frequency)
+        if self.neighbours is None or not self.label_cost or not len(motions):
+            return labels, saved
+        if self.neighbour_weight < 1:
+            difference = frequency_cost(labels) - neighbour_cost(labels, self.neighbours)
+            return labels, saved + self.neighbour_weight * difference
+        if len(motions) > 1:
+            labels = smooth_labels(motions.gains, self.neighbours, labels)
+        assigned = labels > 0
+        saved = float(motions.gains[labels[assigned] - 1, np.flatnonzero(assigned)].sum())
+        return labels, saved - neighbour_cost(labels, self.neighbours)
 
-    def saved(self, chosen: Candidates) -> float:
-        """Nats that the motions ``chosen`` save altogether; less than nothing where forbidden."""
-        labels, value = self._labelled(chosen)
-        count = np.bincount(labels, minlength=len(chosen) + 1)[1:]
+    def saved(self, motions: Candidates) -> float:
+        """Nats that ``motions`` save; far below zero if bounds are violated."""
+        labels, saved = self._label(motions)
+        count = np.bincount(labels, minlength=len(motions) + 1)[1:]
         least = [
-            CONFIRMED * self.families[int(v)].observed_set.model.subset_size
-            for v in chosen.set_indices
+            SUBSETS_PER_MOTION * self.families[int(index)].observed_set.model.subset_size
+            for index in motions.set_indices
         ]
-        forbidden = float((count < least).sum())
-        # a motion that wins no track is none, whatever the user asked for
-        motions = int((count > 0).sum())
-        violation = max(self.fewest - motions, len(chosen) - self.most, 0.0)
-        price = self._prices(chosen, labels)
-        return value - price - FORBIDDEN * (forbidden + 1e3 * violation)
+        too_small = float((count < least).sum())
+        # motions without tracks do not count
+        number = int((count > 0).sum())
+        violation = max(self.min_motions - number, len(motions) - self.max_motions, 0.0)
+        cost = self._parameter_cost(motions, labels)
+        return saved - cost - PENALTY * (too_small + 1e3 * violation)
 
-    def worth(self, chosen: Candidates) -> float:
-        """Nats that the motions ``chosen`` save, allowed or not."""
-        labels, value = self._labelled(chosen)
-        return value - self._prices(chosen, labels)
+    def saved_without_bounds(self, motions: Candidates) -> float:
+        """Nats that ``motions`` save, whether or not bounds are violated."""
+        labels, saved = self._label(motions)
+        return saved - self._parameter_cost(motions, labels)
 
-    def _prices(self, chosen: Candidates, labels: Integers) -> float:
-        won = labels == np.arange(1, len(chosen) + 1)[:, None]
-        count = won.sum(axis=1)
-        price = 0.0
+    def _parameter_cost(self, motions: Candidates, labels: Integers) -> float:
+        """Nats to code the parameters of all motions that have tracks."""
+        inliers = labels == np.arange(1, len(motions) + 1)[:, None]
+        count = inliers.sum(axis=1)
+        total = 0.0
         for k in np.flatnonzero(count).tolist():
-            stated = self._price(chosen, k, won[k])
-            larger = [j for j in range(len(chosen)) if (count[j], -j) > (count[k], -k)]
-            if self.differences and larger:
-                stated = min(stated, self._difference(chosen, k, won[k], larger))
-            price += stated
-        return self.price * price
+            cost = self._absolute_cost(motions, k, inliers[k])
+            larger = [j for j in range(len(motions)) if (count[j], -j) > (count[k], -k)]
+            if self.relative_coding and larger:
+                cost = min(cost, self._relative_cost(motions, k, inliers[k], larger))
+            total += cost
+        return self.parameter_weight * total
 
-    def _price(self, chosen: Candidates, k: int, inliers: Flags) -> float:
-        """Nats to state motion ``k``: each parameter to the precision that its inliers give.
+    def _absolute_cost(self, motions: Candidates, k: int, inliers: Flags) -> float:
+        """Nats to code motion ``k``: each parameter to the precision that its inliers allow.
 
-        As many parameters as the residual has dimensions shift the whole body, by up to the extent
-        of the scene; the others change its shape and move its tracks by up to its own diameter.
+        As many parameters as the residual has dimensions shift the whole object, by up to the
+        extent of the scene. The others change its shape and move its tracks by up to its diameter.
         """
-        family = self.families[int(chosen.set_indices[k])]
+        family = self.families[int(motions.set_indices[k])]
         model, noise = family.observed_set.model, family.noise
-        body = self.places[inliers]
-        size = 2 * float(np.linalg.norm(body - body.mean(axis=0))) / math.sqrt(len(body))
-        precision = _precision(float(chosen.scales[k]), len(body))
-        shift = max(noise.extent - precision, 0.0)
-        shape = max(math.log(max(size, LEAST_LENGTH)) - precision, 0.0)
+        positions = self.positions[inliers]
+        count = len(positions)
+        size = 2 * float(np.linalg.norm(positions - positions.mean(axis=0))) / math.sqrt(count)
+        precision = _log_precision(float(motions.scales[k]), count)
+        shift = max(noise.log_extent - precision, 0.0)
+        shape = max(math.log(max(size, MIN_LENGTH)) - precision, 0.0)
         shifts = min(noise.dimension, model.parameters)
         return shifts * shift + (model.parameters - shifts) * shape
 
-    def _difference(
-        self, chosen: Candidates, k: int, inliers: Flags, others: Sequence[int]
+    def _relative_cost(
+        self, motions: Candidates, k: int, inliers: Flags, others: Sequence[int]
     ) -> float:
-        """Nats to state motion ``k`` by its difference from one of ``others``.
+        """Nats to code motion ``k`` by its difference from one of ``others``.
 
-        Each parameter lies within the root mean square distance that both motions move the tracks
-        apart, on either side. This distance has no scale of its own (density 1 / distance).
+        Each parameter is within the root mean square distance by which the two motions move the
+        tracks apart, on either side. This distance has no scale of its own (density 1 / distance).
         """
-        family = self.families[int(chosen.set_indices[k])]
-        own, scale = chosen.residuals[k][inliers], float(chosen.scales[k])
-        weights = family.noise.weights(own[None], np.array([scale]))[0]
-        foreign = np.minimum(chosen.residuals[list(others)][:, inliers], FARTHEST)
-        # the fit of k makes its residuals orthogonal to what a motion could add
-        square = float(((foreign**2 - own**2) @ weights).min()) / float(weights.sum())
-        distance = 0.5 * math.log(max(square, LEAST_LENGTH**2))
-        precision = _precision(scale, len(own))
-        magnitude = math.log1p(max(family.noise.extent - precision, 0.0))
-        deviation = max(distance - precision, 0.0) + math.log(2.0)
-        return (
-            family.observed_set.model.parameters * deviation + magnitude + math.log(len(chosen) - 1)
-        )
+        family = self.families[int(motions.set_indices[k])]
+        residuals, scale = motions.residuals[k][inliers], float(motions.scales[k])
+        weights = family.noise.weights(residuals[None], np.array([scale]))[0]
+        from_others = np.minimum(motions.residuals[list(others)][:, inliers], RESIDUAL_CAP)
+        # the residuals of a least-squares fit are orthogonal to what another motion could add
+        square = float(((from_others**2 - residuals**2) @ weights).min()) / float(weights.sum())
+        distance = 0.5 * math.log(max(square, MIN_LENGTH**2))
+        precision = _log_precision(scale, len(residuals))
+        magnitude = math.log1p(max(family.noise.log_extent - precision, 0.0))
+        per_parameter = max(distance - precision, 0.0) + math.log(2.0)
+        parameters = family.observed_set.model.parameters
+        return parameters * per_parameter + magnitude + math.log(len(motions) - 1)
 
 
-def _precision(scale: float, count: int) -> float:
-    """Log of the precision (pixels) to which ``count`` tracks of this scale give a parameter."""
-    return math.log(scale) - 0.5 * math.log(count) + QUANTUM
+def _log_precision(scale: float, count: int) -> float:
+    """Log of the precision in pixels to which ``count`` tracks determine a parameter."""
+    return math.log(scale) - 0.5 * math.log(count) + PRECISION_GAIN

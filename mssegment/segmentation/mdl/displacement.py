@@ -1,10 +1,10 @@
-"""How far the tracks of one motion move where the motion leaves them free.
+"""How far the tracks of one motion move in the direction that the motion leaves free.
 
-A translation leaves a track free along its half of the epipolar line: how far it moves is a matter
-of its depth. But the points of one body have depths of their own kind (those of a car are nearly
-the same, those of a street go from near to far), so that the displacements of its other tracks
-predict a track's. A distribution of its own for every motion is no reason to split a body by depth:
-what that saves on the displacements is what the frequencies of the two labels cost.
+A translation leaves a track free along its half of the epipolar line; how far it moves depends on
+its depth. The points of one object have similar or continuous depths (those of a car are nearly
+equal, those of a street range from near to far), so the displacements of the other tracks of a
+motion predict that of a track. A distribution for each motion is no reason to split an object by
+depth: what that saves on the displacements equals the cost of the additional labels.
 """
 
 from __future__ import annotations
@@ -14,28 +14,42 @@ import numpy as np
 from mssegment.records import Floats
 from mssegment.segmentation.mdl.likelihood import Noise
 
-BINS = 12
-"""Of the displacements, equally wide in their logarithm from the largest noise up."""
-TRUST = 0.5
-"""How far a displacement is predicted by those of its motion, how far by the uniform code. A body
-that turns a little misfits by depth: all of the prediction would split it there."""
-PRIOR = 0.5
-"""Count that each bin has before anything is seen (Krichevsky and Trofimov)."""
+DISPLACEMENT_BINS = 12
+"""Number of bins, equally wide in the logarithm of displacements beyond the largest noise."""
+PREDICTION_WEIGHT = 0.5
+"""Weight of the prediction by the other tracks, relative to the uniform code. An object that
+rotates slightly has residuals that depend on depth; with full weight it would be split by depth."""
+BIN_PRIOR = 0.5
+"""Initial count of each bin (Krichevsky and Trofimov)."""
 
 
-def displacement_gains(moved: Floats, inliers: Floats, noise: Noise) -> Floats:
-    """Nats saved against a uniform code on the displacements ``moved`` [B, P] (pixels).
+def displacement_gains(displacements: Floats, inliers: Floats, noise: Noise) -> Floats:
+    """Nats saved on displacements, relative to a uniform code.
 
-    Each track is predicted by the displacements of the other ``inliers`` [B, P] (0 or 1).
+    Parameters
+    ----------
+    displacements : ndarray [B, P]
+        Displacement of each track in the direction that each motion leaves free, in pixels.
+    inliers : ndarray [B, P]
+        Inliers of each motion (0 or 1), the others of which predict the displacement of a track.
+    noise : Noise
+        The noise of the model.
+
+    Returns
+    -------
+    ndarray [B, P]
     """
-    longest, unit = np.exp(noise.free), noise.cap
-    edges = unit * np.expm1(np.linspace(0.0, np.log1p(longest / unit), BINS + 1))
-    place = np.clip(np.searchsorted(edges, moved, side="right") - 1, 0, BINS - 1)
-    count = np.stack([((place == k) * inliers).sum(axis=1) for k in range(BINS)], axis=1)
+    longest, unit = np.exp(noise.log_free_extent), noise.cap
+    edges = unit * np.expm1(np.linspace(0.0, np.log1p(longest / unit), DISPLACEMENT_BINS + 1))
+    bins = np.searchsorted(edges, displacements, side="right") - 1
+    bins = np.clip(bins, 0, DISPLACEMENT_BINS - 1)
+    counts = [((bins == k) * inliers).sum(axis=1) for k in range(DISPLACEMENT_BINS)]
+    count = np.stack(counts, axis=1)
     padded = np.pad(count, ((0, 0), (1, 1)))
     smooth = (padded[:, :-2] + 2 * count + padded[:, 2:]) / 4
-    own = inliers / 2
-    seen = np.take_along_axis(smooth, place, axis=1) - own
-    total = smooth.sum(axis=1, keepdims=True) - own
-    share = (np.maximum(seen, 0.0) + PRIOR) / (total + PRIOR * BINS)
-    return np.asarray(TRUST * (np.log(share) + np.log(longest / np.diff(edges))[place]))
+    # a track does not predict itself
+    itself = inliers / 2
+    others = np.take_along_axis(smooth, bins, axis=1) - itself
+    total = smooth.sum(axis=1, keepdims=True) - itself
+    share = (np.maximum(others, 0.0) + BIN_PRIOR) / (total + BIN_PRIOR * DISPLACEMENT_BINS)
+    return np.asarray(PREDICTION_WEIGHT * (np.log(share) + np.log(longest / np.diff(edges))[bins]))

@@ -1,10 +1,10 @@
-"""How large a misfit is still noise: what ``segment.granularity`` means.
+"""How large a misfit is still noise: the meaning of ``segment.granularity``.
 
-A motion that predicts points outright (affine, homography) is exact for a plane only. A body that
-is not flat leaves a parallax, which grows with its displacement. Whether that is noise (``object``)
-or makes two motions (``surface``) is the user's intent. Motions that leave parallax free
-(translation, factorization) need no such choice. All scales are shares of lengths in the tracks
-themselves, so that a picture twice as large gives the same labels.
+A motion that predicts points (affine, homography) is exact only for a plane. An object that is not
+flat has parallax, which grows with its displacement. Whether parallax is noise (``object``) or
+makes two motions (``surface``) is an option. Motions that leave parallax free (translation,
+factorization) do not need it. All scales are relative to lengths in the tracks, so that an image of
+twice the size has the same labels.
 """
 
 from __future__ import annotations
@@ -14,52 +14,68 @@ import numpy as np
 from mssegment.records import Floats, Integers
 from mssegment.segmentation.options import Granularity
 
-LEAST_SCALE = 1e-6
-"""Pixels; tracks that all lie in one place must not divide by zero."""
-SURFACE = (0.00125, 0.006)
-"""Floor and cap of the scale of a motion that predicts points, over the diagonal of the box that
-holds them: 1 to 5 pixels in 640 x 480. No wall is quite flat."""
-PARALLEL = (0.0003, 0.001)
-"""The same for motions that leave parallax free under an affine camera, which is nearly true."""
-EXACT = (0.00007, 0.001)
-"""The same under a calibrated camera: the noise of corners, a good tracker's to a matcher's."""
-PARALLAX = 0.03
-"""Parallax inside a body that is noise, over its displacement."""
+MIN_SCALE = 1e-6
+"""Smallest scale in pixels, so that coincident tracks do not cause a division by zero."""
+SURFACE_SCALES = (0.00125, 0.006)
+"""Floor and cap of the scale of a motion that predicts points, relative to the diagonal of the
+bounding box of the tracks: 1 to 5 pixels in 640 x 480. No real surface is exactly planar."""
+AFFINE_CAMERA_SCALES = (0.0003, 0.001)
+"""The same for motions that leave parallax free under an affine camera, an approximation."""
+CALIBRATED_SCALES = (0.00007, 0.001)
+"""The same for a calibrated camera: the noise of corners, from a good tracker to a matcher."""
+PARALLAX_SHARE = 0.03
+"""Parallax within an object that is noise, relative to its displacement."""
 
 
-FLAT = 0.0009
-"""Scale below which surfaces count as flat, over the same diagonal: where ``auto`` draws the line
-between surfaces (walls) and objects, whose patches are never quite planes."""
+FLAT_SCALE = 0.0009
+"""Scale below which surfaces count as flat, relative to the same diagonal: ``auto`` chooses
+``surface`` below it (walls) and ``object`` above, where patches are not quite planar."""
 
 
 def suggest(scales: Floats, inliers: Integers, points: Floats) -> Granularity:
-    """What the surfaces found suggest: ``surface`` where they are flat, else ``object``.
+    """Suggest ``surface`` if the surfaces found are flat, otherwise ``object``.
 
-    ``scales`` [m] pixels and numbers of ``inliers`` [m] of the homographies that were found with
-    granularity ``surface`` in the tracks ``points`` [P, F, 2].
+    Parameters
+    ----------
+    scales : ndarray [m]
+        Scales in pixels of the homographies that were found with granularity ``surface``.
+    inliers : ndarray [m] of int
+        Number of inliers of each.
+    points : ndarray [P, F, 2]
+        The tracks in pixels.
+
+    Returns
+    -------
+    {"surface", "object"}
     """
     if not inliers.sum():
         return "object"
     mean = float((scales * inliers).sum() / inliers.sum())
-    return "surface" if mean < FLAT * diagonal(points) else "object"
+    return "surface" if mean < FLAT_SCALE * diagonal(points) else "object"
 
 
 def diagonal(points: Floats) -> float:
-    """Diagonal of the box that holds the points [P, F, 2], pixels."""
+    """Diagonal of the bounding box of the points [P, F, 2], in pixels."""
     return float(np.hypot(*np.ptp(points.reshape(-1, 2), axis=0))) if len(points) else 1.0
 
 
 def scale_range(
     points: Floats, predicts_points: bool, calibrated: bool = False
 ) -> tuple[float, float]:
-    """Least and largest scale of a motion's residuals, pixels, for the tracks [P, F, 2]."""
+    """Smallest and largest scale of the residuals of a motion, in pixels, for tracks [P, F, 2]."""
     extent = diagonal(points)
-    floor, cap = SURFACE if predicts_points else EXACT if calibrated else PARALLEL
-    return max(floor * extent, LEAST_SCALE), max(cap * extent, LEAST_SCALE)
+    floor, cap = (
+        SURFACE_SCALES
+        if predicts_points
+        else CALIBRATED_SCALES
+        if calibrated
+        else AFFINE_CAMERA_SCALES
+    )
+    return max(floor * extent, MIN_SCALE), max(cap * extent, MIN_SCALE)
 
 
-def parallax_of(points: Floats, granularity: Granularity, predicts_points: bool) -> Floats:
-    """The misfit of each track [P, F, 2] that is parallax inside its body, pixels [P]."""
+def parallax_noise(points: Floats, granularity: Granularity, predicts_points: bool) -> Floats:
+    """Misfit of each track [P, F, 2] that is due to parallax within its object, in pixels [P]."""
     displacement = np.linalg.norm(points - points[:, :1], axis=-1).max(axis=1)
-    share = PARALLAX if granularity == "object" and predicts_points else 0.0
+    share = PARALLAX_SHARE if granularity == "object" and predicts_points else 0.0
     return np.asarray(share * displacement)

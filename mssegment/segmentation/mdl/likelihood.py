@@ -1,10 +1,11 @@
-"""What a track costs: the length of its description with and without a motion.
+"""Description length of a track, with and without a motion.
 
-A track that belongs to a motion is described by its residual, whose noise has heavy tails: most
-corners are found to a fraction of a pixel, a few are several pixels off and still belong to the
-body. A multivariate Student t distribution says so with one more constant; under a Gaussian the
-same tracks make a false motion or widen a true one. A track that belongs to none is described as
-uniform. Everything is in nats, and a common scaling of all coordinates changes no difference.
+A track that belongs to a motion is described by its residual. The noise has heavy tails: most
+corners are accurate to a fraction of a pixel, a few are several pixels off and still belong to the
+motion. A multivariate Student t distribution models this with one more parameter; with a Gaussian
+the same tracks would make a false motion or increase the scale of a true one. A track without a
+motion is described by a uniform distribution. Everything is in nats, and a common scale of all
+coordinates changes no difference.
 """
 
 from __future__ import annotations
@@ -16,113 +17,133 @@ import numpy as np
 from mssegment.records import Floats, Record
 
 DEGREES_OF_FREEDOM = 2.5
-"""Of the Student t distribution of the residuals; infinity would be Gaussian."""
-PARALLAX_CAP = 2.5
-"""Largest scale of a motion, over the parallax that is noise."""
+"""Of the Student t distribution of the residuals; infinity is Gaussian."""
+MAX_SCALE_OF_PARALLAX = 2.5
+"""Largest scale of a motion, relative to the parallax that is noise."""
 SCALE_ROUNDS = 4
-"""Rounds of the fixed point of a motion's scale; it converges by a factor of about 4 a round."""
+"""Rounds of the fixed-point iteration for a scale, which converges by a factor of about 4 a
+round."""
 
 
 class Noise(Record, frozen=True):
-    """The residuals of one model, vectors of ``dimension`` coordinates.
+    """The distribution of the residuals of one model.
 
-    The scale of a motion lies between ``floor`` and ``cap`` pixels, and is not less than the
-    ``parallax`` [P] (root mean square over its inliers), which then bounds it, too.
-    ``terms`` squared residuals make the squared residual vector (``MotionModel.residual_terms``);
-    ``free`` is the description of what the model leaves open, ``outlier`` that of a track without
-    motion.
+    Attributes
+    ----------
+    dimension : int
+        Dimension c of the residual vectors.
+    residual_terms : int
+        See ``MotionModel.residual_terms``.
+    floor, cap : float
+        Bounds in pixels of the scale of a motion.
+    log_free_extent : float
+        Nats to describe what the model leaves free.
+    outlier_cost : float
+        Nats to describe a track without a motion.
+    parallax : ndarray [P]
+        Parallax in pixels that is noise; its root mean square over the inliers is a lower bound of
+        the scale, and ``MAX_SCALE_OF_PARALLAX`` times it an upper bound.
+    degrees_of_freedom : float
+        Of the Student t distribution.
     """
 
     dimension: int
-    terms: int
+    residual_terms: int
     floor: float
     cap: float
-    free: float
-    outlier: float
+    log_free_extent: float
+    outlier_cost: float
     parallax: Floats
-    freedom: float = DEGREES_OF_FREEDOM
+    degrees_of_freedom: float = DEGREES_OF_FREEDOM
 
     def gains(self, residuals: Floats, scales: Floats) -> Floats:
-        """Nats that each motion saves on each track, [B, P]; negative where it explains nothing."""
-        nu, c = self.freedom, self.dimension
+        """Nats that each motion saves on each track, [B, P]; negative where it does not explain it.
+
+        ``residuals`` [B, P] and ``scales`` [B] are in pixels.
+        """
+        nu, c = self.degrees_of_freedom, self.dimension
         spread = residuals**2
         if np.isinf(nu):
-            spread *= self.terms / (2.0 * scales[:, None] ** 2)
+            spread *= self.residual_terms / (2.0 * scales[:, None] ** 2)
         else:
-            spread *= self.terms / (nu * scales[:, None] ** 2)
-            spread += 1.0  # log is several times as fast as log1p, and this needs no more digits
+            spread *= self.residual_terms / (nu * scales[:, None] ** 2)
+            spread += 1.0  # log is several times faster than log1p, and accurate enough here
             np.log(spread, out=spread)
             spread *= (nu + c) / 2
-        return np.asarray(self.perfect(scales)[:, None] - spread)
+        return np.asarray(self.max_gain(scales)[:, None] - spread)
 
-    def perfect(self, scales: Floats) -> Floats:
-        """Nats that motions of these ``scales`` [B] save on a track that they fit exactly, [B]."""
-        nu, c = self.freedom, self.dimension
+    def max_gain(self, scales: Floats) -> Floats:
+        """Nats that motions with ``scales`` [B] save on a track that they fit exactly, [B]."""
+        nu, c = self.degrees_of_freedom, self.dimension
         if np.isinf(nu):
-            normaliser = c / 2 * np.log(2 * np.pi)
+            normalizer = c / 2 * np.log(2 * np.pi)
         else:
-            normaliser = math.lgamma(nu / 2) - math.lgamma((nu + c) / 2)
-            normaliser += c / 2 * np.log(nu * np.pi)
-        return np.asarray(self.outlier - self.free - c * np.log(scales) - normaliser)
+            normalizer = math.lgamma(nu / 2) - math.lgamma((nu + c) / 2)
+            normalizer += c / 2 * np.log(nu * np.pi)
+        return np.asarray(
+            self.outlier_cost - self.log_free_extent - c * np.log(scales) - normalizer
+        )
 
-    def half_gain(self, scales: Floats) -> Floats:
-        """The residual (pixels) at which half of what a perfect fit saves is saved, [B]."""
-        nu, best = self.freedom, self.perfect(scales)
-        square = best if np.isinf(nu) else nu * np.expm1(best / (nu + self.dimension))
-        return np.asarray(scales * np.sqrt(np.maximum(square, 0.0) / self.terms))
+    def residual_at_half_gain(self, scales: Floats) -> Floats:
+        """The residual in pixels at which a motion saves half of its ``max_gain``, [B]."""
+        nu, gain = self.degrees_of_freedom, self.max_gain(scales)
+        square = gain if np.isinf(nu) else nu * np.expm1(gain / (nu + self.dimension))
+        return np.asarray(scales * np.sqrt(np.maximum(square, 0.0) / self.residual_terms))
 
     @property
-    def extent(self) -> float:
-        """Natural log of the pixels over which a residual's coordinate spreads without a motion."""
-        return (self.outlier - self.free) / self.dimension
+    def log_extent(self) -> float:
+        """Natural log of the extent in pixels of a residual coordinate without a motion."""
+        return (self.outlier_cost - self.log_free_extent) / self.dimension
 
     def weights(self, residuals: Floats, scales: Floats) -> Floats:
-        """Weights of the least-squares fit that maximizes the likelihood, [B, P]."""
-        if np.isinf(self.freedom):
+        """Weights [B, P] with which a least-squares fit maximizes the likelihood."""
+        if np.isinf(self.degrees_of_freedom):
             return np.ones_like(residuals)
-        square = self.terms * residuals**2 / scales[:, None] ** 2
-        return np.asarray((self.freedom + self.dimension) / (self.freedom + square))
+        square = self.residual_terms * residuals**2 / scales[:, None] ** 2
+        return np.asarray(
+            (self.degrees_of_freedom + self.dimension) / (self.degrees_of_freedom + square)
+        )
 
-    def deviation(self, residuals: Floats) -> float:
-        """Standard deviation of one coordinate, pixels, of tracks with these residuals [n]."""
-        return float(np.sqrt(self.terms * np.mean(residuals**2) / self.dimension))
+    def standard_deviation(self, residuals: Floats) -> float:
+        """Standard deviation in pixels of one coordinate, for tracks with these residuals [n]."""
+        return float(np.sqrt(self.residual_terms * np.mean(residuals**2) / self.dimension))
 
     def scales(self, residuals: Floats, inliers: Floats, start: Floats | None = None) -> Floats:
-        """Most likely scale of each motion [B], given its inliers [B, P] (0 or 1)."""
+        """Most likely scale of each motion [B], in pixels, given its inliers [B, P] (0 or 1)."""
         tracks = np.maximum(inliers.sum(axis=1), 1.0)
-        square = self.terms * inliers * residuals**2
+        square = self.residual_terms * inliers * residuals**2
         parallax = np.sqrt(inliers @ self.parallax**2 / tracks)
         floor = np.maximum(self.floor, parallax)
-        cap = np.maximum(self.cap, PARALLAX_CAP * parallax)
+        cap = np.maximum(self.cap, MAX_SCALE_OF_PARALLAX * parallax)
         count = tracks * self.dimension
-        if start is None or np.isinf(self.freedom):
+        if start is None or np.isinf(self.degrees_of_freedom):
             start = np.sqrt(square.sum(axis=1) / count)
         scales = np.clip(start, floor, cap)
-        if np.isinf(self.freedom):
+        if np.isinf(self.degrees_of_freedom):
             return scales
-        nu = self.freedom
+        nu = self.degrees_of_freedom
         for _ in range(SCALE_ROUNDS):
             weighted = square / (square + (nu * scales**2)[:, None])
             mean = weighted.sum(axis=1) * (nu + self.dimension) * scales**2 / count
             scales = np.clip(np.sqrt(mean), floor, cap)
         return scales
 
-    def first_scales(self) -> Floats:
-        """Scales at which a motion may collect its first inliers, pixels [2].
+    def initial_scales(self) -> Floats:
+        """Scales at which a motion may select its first inliers, in pixels [2].
 
-        The least one, and one two thirds of the way (of logarithms) to the largest.
+        The smallest scale, and one two thirds of the way, in logarithms, to the largest.
         """
         parallax = float(np.sqrt(np.mean(self.parallax**2))) if len(self.parallax) else 0.0
-        return np.geomspace(self.floor, max(self.cap, PARALLAX_CAP * parallax), 4)[::2]
+        return np.geomspace(self.floor, max(self.cap, MAX_SCALE_OF_PARALLAX * parallax), 4)[::2]
 
 
 def uniform_cost(points: Floats) -> float:
-    """Nats per track [P, F, 2] when nothing predicts it but the extent of all tracks.
+    """Nats to describe a track [P, F, 2] by the extent of all tracks alone.
 
-    Frame by frame, the shorter of two codes: uniform over the box that holds all points, or over
-    the disc of displacements from the frame before that are no longer than the longest. (The box
-    that holds the displacements would know where one motion of all tracks goes.) Of two views the
-    first is given; of more, every frame is described.
+    In each frame, the shorter of two codes: uniform over the bounding box of all points, or over
+    the disc of displacements since the previous frame up to the longest. (The bounding box of the
+    displacements would depend on the motion that all tracks share.) For two views, the position in
+    the first is given; for more, it is described too.
     """
     frames = points.shape[1]
     cost = sum(
@@ -133,9 +154,11 @@ def uniform_cost(points: Floats) -> float:
 
 
 def _log_disc(displacements: Floats) -> float:
+    """Log of the area of the disc with the longest displacement as radius."""
     longest = float(np.linalg.norm(displacements, axis=-1).max(initial=1.0))
     return float(np.log(np.pi) + 2 * np.log(longest))
 
 
 def _log_area(points: Floats) -> float:
+    """Log of the area of the bounding box."""
     return float(np.log(np.maximum(np.ptp(points, axis=0), 1.0)).sum())

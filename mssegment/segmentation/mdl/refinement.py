@@ -1,4 +1,4 @@
-"""Joint refitting: labels and motions by turns, for several sets of motions at a time."""
+"""Joint refinement: alternate between labels and motions, for several sets of motions at a time."""
 
 from __future__ import annotations
 
@@ -8,57 +8,56 @@ from itertools import pairwise
 import numpy as np
 
 from mssegment.records import Floats, Integers
-from mssegment.segmentation.mdl.candidates import Candidates, Family, join
+from mssegment.segmentation.mdl.candidates import Candidates, Family, concatenate
 from mssegment.segmentation.mdl.description import Description
 
-TURNS = 4
-"""Turns of relabelling and refitting."""
+JOINT_FIT_ROUNDS = 4
+"""Rounds of labelling and refitting."""
 
 
 def refine(description: Description, sets: Sequence[Candidates]) -> list[Candidates]:
-    """Each set of motions, every motion refitted to the tracks it wins against the others.
+    """Refit the motions of each set to the tracks that they win from each other.
 
-    All motions of all sets are fitted in one batch; a set rests when its labels stay. A motion
-    whose refit is unsound stays as it is.
+    All motions of all sets are fitted in one batch; a set has converged when its labels no longer
+    change. A motion with an invalid fit is not changed.
     """
     refined = list(sets)
     labels: dict[int, Integers] = {}
-    moving = [index for index, one in enumerate(refined) if len(one)]
-    for _ in range(TURNS):
-        before, labels = labels, {i: description.labels(refined[i]) for i in moving}
-        moving = [i for i in moving if i not in before or not np.array_equal(labels[i], before[i])]
-        if not moving:
+    active = [index for index, motions in enumerate(refined) if len(motions)]
+    for _ in range(JOINT_FIT_ROUNDS):
+        before, labels = labels, {i: description.labels(refined[i]) for i in active}
+        active = [i for i in active if i not in before or not np.array_equal(labels[i], before[i])]
+        if not active:
             break
-        inliers = [labels[i] == np.arange(1, len(refined[i]) + 1)[:, None] for i in moving]
+        inliers = [labels[i] == np.arange(1, len(refined[i]) + 1)[:, None] for i in active]
         fitted = refit_once(
             description.families,
-            join([refined[i] for i in moving]),
+            concatenate([refined[i] for i in active]),
             np.concatenate(inliers).astype(np.float64),
         )
-        ends = np.cumsum([0, *(len(refined[i]) for i in moving)])
-        for i, (a, b) in zip(moving, pairwise(ends), strict=True):
-            refined[i] = fitted.take(np.arange(a, b))
+        ends = np.cumsum([0, *(len(refined[i]) for i in active)])
+        for i, (first, last) in zip(active, pairwise(ends), strict=True):
+            refined[i] = fitted.take(np.arange(first, last))
     return refined
 
 
 def refit_once(families: Sequence[Family], current: Candidates, inliers: Floats) -> Candidates:
-    """The motions fitted once to their ``inliers`` [K, P] (0 or 1), in their order."""
+    """The motions fitted once to their ``inliers`` [K, P] (0 or 1), in the same order."""
     points = list(current.points)
     scales, residuals = current.scales.copy(), current.residuals.copy()
     gains = current.gains.copy()
     for family in families:
         enough = inliers.sum(axis=1) > family.observed_set.model.subset_size
-        own = np.flatnonzero(enough & (current.set_indices == family.index))
-        if not len(own):
+        rows = np.flatnonzero(enough & (current.set_indices == family.index))
+        if not len(rows):
             continue
-        weights = inliers[own] * family.noise.weights(residuals[own], scales[own])
+        weights = inliers[rows] * family.noise.weights(residuals[rows], scales[rows])
         fitted, valid = family.observed_set.fit(weights)
-        good = np.flatnonzero(valid)
-        new = family.residuals(fitted[good])
-        k = own[good]
-        scale = family.noise.scales(new, inliers[k], scales[k])
-        residuals[k], scales[k] = new, scale
-        gains[k] = family.gains(fitted[good], new, scale, inliers[k])
-        for place, index in zip(good, k, strict=True):
-            points[index] = fitted[place]
+        fitted, rows = fitted[valid], rows[valid]
+        new_residuals = family.residuals(fitted)
+        new_scales = family.noise.scales(new_residuals, inliers[rows], scales[rows])
+        residuals[rows], scales[rows] = new_residuals, new_scales
+        gains[rows] = family.gains(fitted, new_residuals, new_scales, inliers[rows])
+        for row, point in zip(rows, fitted, strict=True):
+            points[row] = point
     return Candidates(current.set_indices, current.modes, tuple(points), scales, residuals, gains)

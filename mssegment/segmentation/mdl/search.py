@@ -1,10 +1,11 @@
-"""The search for the set of motions with the shortest description.
+"""Search for the set of motions with the shortest description.
 
-It starts with the candidates that save most, one after the other; then, as long as the description
-gets shorter, it changes the set by the best of a few moves (add, remove, exchange a motion), each
-followed by joint refitting, without which a motion that has swallowed another hides what it hides.
-Where none of them helps, bodies are cut by where their tracks lie: a motion fitted to two bodies
-is too good a compromise for either of them to enter while it is there, whatever the candidates.
+It starts greedily with the candidates that save most. Then, as long as the description becomes
+shorter, it makes the best of a few moves (add, remove or exchange a motion), each followed by joint
+refinement, without which a motion that includes two objects hides both of them. If none of these
+moves helps, a motion is expressed in another model, or motions are split by the positions of their
+tracks: a motion fitted to two objects is so good a compromise that no candidate for either of them
+saves enough as long as it is in the set.
 """
 
 from __future__ import annotations
@@ -16,190 +17,213 @@ import numpy as np
 
 from mssegment.models import Flags
 from mssegment.records import Floats, Integers
-from mssegment.segmentation.mdl.candidates import Candidates, join
+from mssegment.segmentation.mdl.candidates import Candidates, concatenate
 from mssegment.segmentation.mdl.description import Description
 from mssegment.segmentation.mdl.refinement import refine
 
-PROPOSALS = 3
+MAX_PROPOSALS = 3
 """Candidates that are tried as an addition; each saves on other tracks than those before."""
-MOST_MOVES = 30
-"""Bound on the changes of the set; each shortens the description."""
-MOST_REFITS = 10
-"""Bound on the joint refits of a set that the search has chosen."""
-IMPROVEMENT = 1e-3
-"""Nats below which a change is no improvement."""
+MAX_MOVES = 30
+"""Maximum number of moves; each shortens the description."""
+MAX_REFITS = 10
+"""Maximum number of joint refits of a set that the search has accepted."""
+K_MEANS_ROUNDS = 10
+"""Maximum number of rounds of two-means."""
+MIN_IMPROVEMENT = 1e-3
+"""Smallest improvement in nats."""
 
 
 def start(pool: Candidates, description: Description) -> Candidates:
-    """Candidates one after the other, the one that saves most first, as long as one saves."""
-    chosen = pool.take([])
-    best = description.saved(chosen)
+    """Add candidates, the one that saves most first, as long as the description becomes shorter."""
+    current = pool.take([])
+    best = description.saved(current)
     while True:
-        tried = [join([chosen, pool.take([k])]) for k in proposals(chosen, pool, PROPOSALS)]
-        values = [description.saved(one) for one in tried]
-        if not values or max(values) <= best + IMPROVEMENT:
-            return chosen
-        chosen, best = tried[int(np.argmax(values))], max(values)
+        sets = [
+            concatenate([current, pool.take([k])]) for k in proposals(current, pool, MAX_PROPOSALS)
+        ]
+        values = [description.saved(one) for one in sets]
+        if not values or max(values) <= best + MIN_IMPROVEMENT:
+            return current
+        current, best = sets[int(np.argmax(values))], max(values)
 
 
-def improve(chosen: Candidates, pool: Candidates, description: Description) -> Candidates:
-    """Changes the set by the best move until no move shortens the description."""
-    chosen, best = refitted(chosen, description)
-    for _ in range(MOST_MOVES):
-        better = best_of(neighbouring_sets(chosen, pool, description), best, description)
+def improve(current: Candidates, pool: Candidates, description: Description) -> Candidates:
+    """Change the set by the best move until no move shortens the description."""
+    current, best = refitted(current, description)
+    for _ in range(MAX_MOVES):
+        better = best_of(neighbouring_sets(current, pool, description), best, description)
         if better is None:
-            better = best_of(restated_sets(chosen, description), best, description)
+            better = best_of(model_changes(current, description), best, description)
         if better is None:
-            better = best_of(cut_sets(chosen, description), best, description)
+            better = best_of(split_sets(current, description), best, description)
         if better is None:
             break
-        chosen, best = refitted(better, description)
-    return chosen
+        current, best = refitted(better, description)
+    return current
 
 
 def best_of(
     sets: Sequence[Candidates], least: float, description: Description
 ) -> Candidates | None:
-    """The one of ``sets`` that saves most once refitted, if that is more than ``least``."""
+    """The one of ``sets`` that saves most after refinement, if that is more than ``least``."""
     sets = refine(description, sets)
     values = [description.saved(one) for one in sets]
-    if not values or max(values) <= least + IMPROVEMENT:
+    if not values or max(values) <= least + MIN_IMPROVEMENT:
         return None
     return sets[int(np.argmax(values))]
 
 
-def refitted(chosen: Candidates, description: Description) -> tuple[Candidates, float]:
+def refitted(current: Candidates, description: Description) -> tuple[Candidates, float]:
     """The set refitted until its description gets no shorter, and what it saves."""
-    best = description.saved(chosen)
-    for _ in range(MOST_REFITS):
-        (again,) = refine(description, [chosen])
-        value = description.saved(again)
-        if value <= best + IMPROVEMENT:
+    best = description.saved(current)
+    for _ in range(MAX_REFITS):
+        (updated,) = refine(description, [current])
+        value = description.saved(updated)
+        if value <= best + MIN_IMPROVEMENT:
             break
-        chosen, best = again, value
-    return chosen, best
+        current, best = updated, value
+    return current, best
 
 
 def neighbouring_sets(
-    chosen: Candidates, pool: Candidates, description: Description
+    current: Candidates, pool: Candidates, description: Description
 ) -> list[Candidates]:
-    """All sets that one addition, removal or exchange makes of ``chosen``."""
-    labels = description.labels(chosen)
+    """All sets that differ from ``current`` by one addition, removal or exchange."""
+    labels = description.labels(current)
     sets = [
-        addition(chosen, labels, pool.take([k]), description)
-        for k in proposals(chosen, pool, PROPOSALS)
+        with_addition(current, labels, pool.take([k]), description)
+        for k in proposals(current, pool, MAX_PROPOSALS)
     ]
-    sets += [join([chosen, one]) for one in leftovers(labels, description)]
-    for j in range(len(chosen)):
-        rest = chosen.take([k for k in range(len(chosen)) if k != j])
+    sets += [concatenate([current, new]) for new in outlier_motions(labels, description)]
+    for j in range(len(current)):
+        rest = current.without(j)
         sets.append(rest)
-        sets += [join([rest, pool.take([k])]) for k in proposals(rest, pool, 1)]
+        sets += [concatenate([rest, pool.take([k])]) for k in proposals(rest, pool, 1)]
     return sets
 
 
-def restated_sets(chosen: Candidates, description: Description) -> list[Candidates]:
-    """All sets with one motion stated in another model, fitted to the tracks that it has.
+def model_changes(current: Candidates, description: Description) -> list[Candidates]:
+    """All sets with one motion expressed in another model, fitted to its tracks.
 
-    The candidates that save most are of the model with most parameters, before these are paid for.
+    The candidates that save most, before parameters are paid for, are of the model with most of
+    them.
     """
-    labels = description.labels(chosen)
+    labels = description.labels(current)
     sets = []
-    for j in range(len(chosen)):
-        own = (labels == j + 1).astype(np.float64)
-        rest = chosen.take([k for k in range(len(chosen)) if k != j])
+    for j in range(len(current)):
+        inliers = (labels == j + 1).astype(np.float64)
+        rest = current.without(j)
         for family in description.families:
-            if family.index != chosen.set_indices[j]:
-                sets += [join([rest, one]) for one in family.fitted(own[None], chosen.modes[[j]])]
+            if family.index != current.set_indices[j]:
+                refits = family.fitted(inliers[None], current.modes[[j]])
+                sets += [concatenate([rest, new]) for new in refits]
     return sets
 
 
-def cut_sets(chosen: Candidates, description: Description) -> list[Candidates]:
-    """All sets with one motion cut in two, or with two motions of one model cut afresh.
+def split_sets(current: Candidates, description: Description) -> list[Candidates]:
+    """All sets with one motion split in two, or with the tracks of two motions split differently.
 
-    Only of motions that leave their tracks something free: such a one may fit two bodies well.
+    Only for motions that leave parallax free, one of which may fit two objects well.
     """
-    labels = description.labels(chosen)
+    labels = description.labels(current)
     sets = []
-    for i, j in combinations_with_replacement(range(len(chosen)), 2):
-        family = description.families[int(chosen.set_indices[i])]
+    for i, j in combinations_with_replacement(range(len(current)), 2):
+        family = description.families[int(current.set_indices[i])]
         if (
             not family.observed_set.model.leaves_parallax_free
-            or chosen.set_indices[j] != chosen.set_indices[i]
+            or current.set_indices[j] != current.set_indices[i]
         ):
             continue
-        halves = cut((labels == i + 1) | (labels == j + 1), description.places)
+        halves = split_tracks((labels == i + 1) | (labels == j + 1), description.positions)
         if halves.sum(axis=1).min() <= family.observed_set.model.subset_size:
             continue
-        rest = chosen.take([k for k in range(len(chosen)) if k not in (i, j)])
-        for both in family.fitted(halves, chosen.modes[[i, j]]):
+        rest = current.without(i, j)
+        for both in family.fitted(halves, current.modes[[i, j]]):
             if len(both) == 2:
-                sets.append(join([rest, both]))
+                sets.append(concatenate([rest, both]))
     return sets
 
 
-def cut(tracks: Flags, places: Floats) -> Floats:
-    """The ``tracks`` [P] in two halves, [2, P] (0 or 1), that lie apart: two means of ``places``.
+def split_tracks(tracks: Flags, positions: Floats) -> Floats:
+    """Split tracks into two halves that are apart, by two-means of their positions.
 
-    They start on either side of the mean, along the direction in which the tracks spread most.
+    The halves are initially on either side of the mean along the first principal direction.
+
+    Parameters
+    ----------
+    tracks : ndarray [P] of bool
+        The tracks to split.
+    positions : ndarray [P, 2]
+        Their positions.
+
+    Returns
+    -------
+    ndarray [2, P]
+        Membership of each half (0 or 1).
     """
-    own = np.flatnonzero(tracks)
-    away = places[own] - places[own].sum(axis=0) / max(len(own), 1)
-    far = away @ np.linalg.eigh(away.T @ away)[1][:, -1] > 0
-    for _ in range(MOST_REFITS):
-        if far.all() or not far.any():
+    index = np.flatnonzero(tracks)
+    centred = positions[index] - positions[index].sum(axis=0) / max(len(index), 1)
+    second = centred @ np.linalg.eigh(centred.T @ centred)[1][:, -1] > 0
+    for _ in range(K_MEANS_ROUNDS):
+        if second.all() or not second.any():
             break
-        square = [((away - away[half].mean(axis=0)) ** 2).sum(axis=1) for half in (far, ~far)]
-        before, far = far, square[0] < square[1]
-        if (far == before).all():
+        square = [
+            ((centred - centred[half].mean(axis=0)) ** 2).sum(axis=1) for half in (second, ~second)
+        ]
+        before, second = second, square[0] < square[1]
+        if (second == before).all():
             break
     halves = np.zeros((2, len(tracks)))
-    halves[0, own[~far]] = halves[1, own[far]] = 1.0
+    halves[0, index[~second]] = halves[1, index[second]] = 1.0
     return halves
 
 
-def leftovers(labels: Integers, description: Description) -> list[Candidates]:
-    """One motion of every calibrated family fitted to all tracks without a motion.
+def outlier_motions(labels: Integers, description: Description) -> list[Candidates]:
+    """One motion of every calibrated family, fitted to all tracks without a motion.
 
-    A small body among many tracks has few hypotheses, which a mode of the static world swallows.
+    A small object among many tracks has few hypotheses, which a mode of the background absorbs.
     """
-    left = (labels == 0).astype(np.float64)[None]
+    outliers = (labels == 0).astype(np.float64)[None]
     found = []
     for family in description.families:
         if family.observed_set.model.needs_camera:
-            found += family.fitted(left, np.array([-1]))
+            found += family.fitted(outliers, np.array([-1]))
     return found
 
 
-def addition(
-    chosen: Candidates, labels: Integers, new: Candidates, description: Description
+def with_addition(
+    current: Candidates, labels: Integers, new: Candidates, description: Description
 ) -> Candidates:
-    """The set with ``new``, and with the motion that loses most fitted to what is left.
+    """Add ``new``, and refit the motion that loses most tracks to the remaining ones.
 
-    A motion fitted to two bodies is too wide to let one of them go by itself.
+    A motion fitted to two objects has too large a scale for one of them to be added alone.
     """
     family = description.families[int(new.set_indices[0])]
     taken = family.explained(new.residuals, new.scales)[0] > 0
-    losses = np.bincount(labels[taken], minlength=len(chosen) + 1)[1:]
+    losses = np.bincount(labels[taken], minlength=len(current) + 1)[1:]
     if losses.any():
         j = int(losses.argmax())
-        left = ((labels == j + 1) & ~taken).astype(np.float64)
-        loser = description.families[int(chosen.set_indices[j])]
-        for one in loser.fitted(left[None], chosen.modes[[j]]):
-            return join([chosen.take([k for k in range(len(chosen)) if k != j]), new, one])
-    return join([chosen, new])
+        remaining = ((labels == j + 1) & ~taken).astype(np.float64)
+        loser = description.families[int(current.set_indices[j])]
+        for refit in loser.fitted(remaining[None], current.modes[[j]]):
+            return concatenate([current.without(j), new, refit])
+    return concatenate([current, new])
 
 
-def proposals(chosen: Candidates, pool: Candidates, count: int) -> list[int]:
-    """The ``count`` candidates that save most beside ``chosen``, each on other tracks."""
-    better = pool.gains - np.maximum(chosen.gains.max(axis=0, initial=0.0), 0.0)
-    np.maximum(better, 0.0, out=better)
-    open_tracks = np.ones(better.shape[1])
+def proposals(current: Candidates, pool: Candidates, count: int) -> list[int]:
+    """Indices of the ``count`` candidates that save most in addition to ``current``.
+
+    Each saves on other tracks than those before.
+    """
+    improvement = pool.gains - np.maximum(current.gains.max(axis=0, initial=0.0), 0.0)
+    np.maximum(improvement, 0.0, out=improvement)
+    remaining = np.ones(improvement.shape[1])
     found: list[int] = []
     for _ in range(min(count, len(pool))):
-        saves = better @ open_tracks
-        k = int(saves.argmax())
-        if saves[k] <= 0:
+        saved = improvement @ remaining
+        k = int(saved.argmax())
+        if saved[k] <= 0:
             break
         found.append(k)
-        open_tracks[better[k] > 0] = 0.0
+        remaining[improvement[k] > 0] = 0.0
     return found

@@ -8,68 +8,79 @@ import numpy as np
 
 from mssegment.geometry.flats import leave_one_out_residuals, principal_components
 from mssegment.models import Flags
-from mssegment.records import OUTLIER, Floats, Integers
+from mssegment.records import OUTLIER, Floats, Integers, replace
 from mssegment.sampling.observed import ObservedSet
-from mssegment.sampling.validation import first_test, spared
-from mssegment.segmentation.mixture.likelihood import FEWEST, Likelihood
+from mssegment.sampling.validation import first_test, limit_factor
+from mssegment.segmentation.mixture.likelihood import MIN_GROUP_SIZE, Likelihood
 from mssegment.segmentation.mixture.mode_votes import ModeVotes
-from mssegment.segmentation.mixture.search import VOTE_WEIGHT, partitions, saved_by_parting, starts
+from mssegment.segmentation.mixture.search import VOTE_WEIGHT, partitions, split_savings, starts
+from mssegment.segmentation.rank_selection import lowest_adequate_rank
 from mssegment.segmentation.selection import SelectedMotion, SelectionProblem, SelectionResult
 
-DISTINCT = 38.0
-"""Two groups are two bodies if (cost of the union - cost apart) / sqrt(tracks) is above this."""
-OUTLYING = 20.0
-"""A track is an outlier if its residual, over its group's median, is above this; more than that
-(``spared``) where hardly any tracks are."""
-PASSES = 2
-"""The groups are sought again where tracks that fit nothing around them were no outliers."""
-PLANAR = 1.25
-"""A body is planar if rank 3 leaves at most so many times the residual of rank 4."""
-MOST_MOTIONS = 8
+MIN_DISTINCTNESS = 38.0
+"""Two groups are distinct if (cost of the union - cost of both) / sqrt(tracks) is at least this."""
+OUTLIER_RATIO = 20.0
+"""A track is an outlier if its residual exceeds the median of its group by this factor (times
+``limit_factor``)."""
+MAX_PASSES = 2
+"""Groups are computed again if tracks that fitted nothing near them turn out to be inliers."""
+MAX_MOTIONS = 8
+"""Maximum number of motions, unless their number is given."""
 
 
 def mixture(problem: SelectionProblem) -> SelectionResult:
-    """The selection for ``factorization`` over many frames: a motion per group of tracks."""
+    """Select motions over many frames, one for each group of tracks.
+
+    Parameters
+    ----------
+    problem : SelectionProblem
+        The tracks and the modes, of a model with ranks.
+
+    Returns
+    -------
+    SelectionResult
+    """
     mode_votes = [ModeVotes.of_set(problem, index) for index in range(len(problem.observed_sets))]
-    misfit = np.min([one.misfit for one in mode_votes], axis=0)
-    kept = np.flatnonzero(first_test(problem.points, misfit))
-    for _ in range(PASSES):
-        labels = _joined(problem, _groups(problem, mode_votes, kept))
+    misfit = np.min([votes.misfit for votes in mode_votes], axis=0)
+    tracks = np.flatnonzero(first_test(problem.points, misfit))
+    for _ in range(MAX_PASSES):
+        labels = _complete_labels(problem, _groups(problem, mode_votes, tracks))
         relative = _relative_residuals(problem.points, labels)
-        outlying = relative > OUTLYING * spared(relative, OUTLYING)
-        before, kept = kept, np.flatnonzero(~outlying)
-        if np.isin(kept, before).all():
+        outliers = relative > OUTLIER_RATIO * limit_factor(relative, OUTLIER_RATIO)
+        before, tracks = tracks, np.flatnonzero(~outliers)
+        if np.isin(tracks, before).all():
             break
-    labels[outlying] = OUTLIER
-    taken: set[int] = set()
+    labels[outliers] = OUTLIER
+    used: set[int] = set()
     motions = []
     for label in range(1, int(labels.max()) + 1):
-        motion = _chosen(problem, labels == label)
-        mode = _mode_of(problem, motion, taken)
+        motion = _motion(problem, labels == label)
+        mode = _nearest_mode(problem, motion, used)
         if mode is not None:
-            taken.add(mode)
-        motions.append(
-            SelectedMotion(motion.set_index, motion.point, motion.inliers, mode, motion.scale)
-        )
+            used.add(mode)
+        motions.append(replace(motion, mode=mode))
     return SelectionResult(tuple(motions))
 
 
-def _groups(problem: SelectionProblem, mode_votes: Sequence[ModeVotes], kept: Integers) -> Integers:
-    """Labels 1.. of the tracks ``kept``, the others OUTLIER [P]."""
-    # the hypotheses of planes are the purest: most tracks near each other lie in one
-    purest = min(range(len(mode_votes)), key=lambda i: problem.observed_sets[i].model.subset_size)
-    components = principal_components(problem.points[kept])
-    likelihood = Likelihood(components, mode_votes[purest].vote_shares[kept])
-    best = partitions(likelihood, starts(problem, mode_votes, kept))
+def _groups(
+    problem: SelectionProblem, mode_votes: Sequence[ModeVotes], tracks: Integers
+) -> Integers:
+    """Labels [P]: 1, 2, ... for ``tracks``, OUTLIER for the others."""
+    # subsets of the lowest rank are the most reliable: most neighbours lie in a plane
+    lowest = min(range(len(mode_votes)), key=lambda i: problem.observed_sets[i].model.subset_size)
+    components = principal_components(problem.points[tracks])
+    likelihood = Likelihood(components, mode_votes[lowest].vote_shares[tracks])
+    best = partitions(likelihood, starts(problem, mode_votes, tracks))
     labels = np.full(len(problem.points), OUTLIER, dtype=np.int64)
-    labels[kept] = best[_count(problem, likelihood, best)] + 1
+    labels[tracks] = best[_count(problem, likelihood, best)] + 1
     return labels
 
 
-def _joined(problem: SelectionProblem, labels: Integers) -> Integers:
-    """Tracks without a label join the group whose subspace is nearest, to be tested there.
+def _complete_labels(problem: SelectionProblem, labels: Integers) -> Integers:
+    """Assign tracks without a label to the group with the nearest subspace.
 
-    Where a body is not rigid, many of its tracks fit nothing around them.
+    Outliers are removed later. If an object is not rigid, many of its tracks fit no hypothesis near
+    them.
     """
     observed_set = max(
         problem.observed_sets, key=lambda observed_set: observed_set.model.subset_size
@@ -80,67 +91,67 @@ def _joined(problem: SelectionProblem, labels: Integers) -> Integers:
 
 
 def _relative_residuals(points: Floats, labels: Integers) -> Floats:
-    """Of each track from the others of its group, over the group's median [P]."""
+    """Leave-one-out residual of each track [P], relative to the median of its group."""
     relative = np.zeros(len(points))
     for label in np.unique(labels):
         members = np.flatnonzero(labels == label)
-        if len(members) > FEWEST:
+        if len(members) > MIN_GROUP_SIZE:
             residual = leave_one_out_residuals(points[members].reshape(len(members), -1))
             relative[members] = residual / max(float(np.median(residual)), 1e-12)
     return relative
 
 
 def _count(problem: SelectionProblem, likelihood: Likelihood, best: dict[int, Integers]) -> int:
-    """The number given; else groups are added as long as all of them are distinct."""
+    """The given number of groups; otherwise groups are added while all of them are distinct."""
     given = problem.options.motions
     if given:
         return min(best, key=lambda count: (abs(count - given), count))
     groups = max(1, min(problem.options.min_motions, max(best)))
-    while groups + 1 in best and groups < MOST_MOTIONS:
-        if distinctness(likelihood, best[groups + 1]) < DISTINCT:
+    while groups + 1 in best and groups < MAX_MOTIONS:
+        if distinctness(likelihood, best[groups + 1]) < MIN_DISTINCTNESS:
             break
         groups += 1
     return groups
 
 
 def distinctness(likelihood: Likelihood, labels: Integers) -> float:
-    """Of the two groups that are most like one body (nats over the root of their tracks)."""
+    """Distinctness of the two most similar groups, in nats over the root of their tracks."""
     sizes = np.bincount(labels)
-    pairs, saved = saved_by_parting(likelihood, labels, VOTE_WEIGHT)
+    pairs, saved = split_savings(likelihood, labels, VOTE_WEIGHT)
     return min(
         float(amount / np.sqrt(sizes[i] + sizes[j]))
         for (i, j), amount in zip(pairs, saved, strict=True)
     )
 
 
-def _chosen(problem: SelectionProblem, inliers: Flags) -> SelectedMotion:
-    """The motion of a group: the lowest rank that explains it."""
+def _motion(problem: SelectionProblem, inliers: Flags) -> SelectedMotion:
+    """The motion of a group: of the lowest rank that explains it."""
     fits = [_fit(observed_set, inliers) for observed_set in problem.observed_sets]
-    least = min(rms for _, rms in fits)
     ranks = [observed_set.model.subset_size for observed_set in problem.observed_sets]
-    index = min(
-        (i for i, (_, rms) in enumerate(fits) if rms <= PLANAR * least), key=lambda i: ranks[i]
-    )
+    index = lowest_adequate_rank([rms for _, rms in fits], ranks)
     point, rms = fits[index]
     return SelectedMotion(index, point, inliers, None, rms)
 
 
 def _fit(observed_set: ObservedSet, inliers: Flags) -> tuple[Floats, float]:
+    """The least-squares motion of a group and its rms residual in pixels."""
     points, valid = observed_set.fit(inliers[None].astype(np.float64))
     if not valid[0]:
         return points[0], np.inf
     return points[0], float(np.sqrt(np.mean(observed_set.residuals(points)[0, inliers] ** 2)))
 
 
-def _mode_of(problem: SelectionProblem, motion: SelectedMotion, taken: set[int]) -> int | None:
-    """The mode of the motion's set that is nearest to it on the manifold, if still free."""
-    free = [
+def _nearest_mode(problem: SelectionProblem, motion: SelectedMotion, used: set[int]) -> int | None:
+    """The mode of the same set, not ``used``, that is nearest to the motion on the manifold."""
+    unused = [
         i
         for i, mode in enumerate(problem.modes)
-        if mode.set_index == motion.set_index and i not in taken
+        if mode.set_index == motion.set_index and i not in used
     ]
-    if not free:
+    if not unused:
         return None
     manifold = problem.observed_sets[motion.set_index].model.manifold
-    gaps = [float(manifold.dist(motion.point[None], problem.modes[i].point[None])[0]) for i in free]
-    return free[int(np.argmin(gaps))]
+    distances = [
+        float(manifold.dist(motion.point[None], problem.modes[i].point[None])[0]) for i in unused
+    ]
+    return unused[int(np.argmin(distances))]
