@@ -120,10 +120,13 @@ def change(key: str, value: Any) -> Change:
     ("changed", "said"),
     [
         (change("model", "sphere"), "no model is called 'sphere'"),
-        (change("model", "homography"), "lives on special_linear(3), found affine(2)"),
-        (change("model", "factorization"), "model factorization over 2 frames"),
+        (change("model", "homography"), "belongs to manifold special_linear(3); found affine(2)"),
+        (change("model", "factorization"), "model factorization does not accept 2 frames"),
         (change("manifold", "sphere"), "no manifold is called 'sphere'"),
-        (change("manifold", "grassmann(3,1)"), "lives on affine(2), found grassmann(3,1)"),
+        (
+            change("manifold", "grassmann(3,1)"),
+            "manifold affine(2); found grassmann(3,1)",
+        ),
     ],
 )
 def test_a_set_must_fit_its_model(changed: Change, said: str, documents: dict[str, bytes]) -> None:
@@ -161,7 +164,7 @@ def test_mismatches_alone_hold_no_motion(model: str, tmp_path: Path) -> None:
     report = json.loads((out / "report.json").read_text())
     assert report["motions"] == 0
     assert report["outliers"] == 200
-    assert any("share no motion" in note for note in report["notes"])
+    assert any("no common motion" in note for note in report["notes"])
 
 
 def test_two_equal_pictures_hold_no_motion(tmp_path: Path) -> None:
