@@ -43,7 +43,7 @@ if TYPE_CHECKING:
     from mssegment.sampling.options import SamplingOptions
     from mssegment.segmentation.options import SegmentOptions
 
-NOTHING_SHARED = (
+NO_COMMON_MOTION = (
     "no hypothesis is supported by further tracks: the matches have no common motion; check the "
     "matches, or choose another model"
 )
@@ -200,7 +200,7 @@ def hypothesize(document: TracksDocument, configuration: Configuration) -> Hypot
             rng=_random("hypothesize", configuration),
         )
         if not drawn.sets:
-            notes = (*notes, NOTHING_SHARED)
+            notes = (*notes, NO_COMMON_MOTION)
     return HypothesesDocument(
         frames=document.frames,
         camera=camera,
