@@ -1,8 +1,8 @@
 """The stages, each from one document to the next, and ``run``, all of them in memory.
 
-A stage takes the document before it and the configuration; nothing here knows of the command
-line or prints. Every stage that draws random numbers has a stream of its own, so that ``run`` and
-a chain of single commands give the same result.
+A stage reads the document of the previous one and the configuration. Nothing here depends on the
+command line or prints. Every stage that uses random numbers has its own stream, so that ``run`` and
+a chain of single commands have the same result.
 """
 
 from __future__ import annotations
@@ -43,11 +43,11 @@ if TYPE_CHECKING:
     from mssegment.sampling.options import SamplingOptions
     from mssegment.segmentation.options import SegmentOptions
 
-NOTHING_SHARED = (
-    "no hypothesis is confirmed by further tracks: the matches share no motion; check the matches, "
-    "or choose another model"
+NO_COMMON_MOTION = (
+    "no hypothesis is supported by further tracks: the matches have no common motion; check the "
+    "matches, or choose another model"
 )
-"""What hypothesize says of tracks that are only mismatches, or not of the model asked for."""
+"""Note of ``hypothesize`` on tracks that are all mismatches, or do not fit the model."""
 _STREAMS = {"match": 1, "hypothesize": 2, "cluster": 3}
 
 
@@ -56,7 +56,7 @@ def _random(stage: str, configuration: Configuration) -> np.random.Generator:
 
 
 def open_input(configuration: Configuration) -> FrameSource:
-    """The frames that ``input.*`` names; raises DataError as ``imaging.frames.open_frames``."""
+    """Open the frames of ``input.*``; raises DataError like ``imaging.frames.open_frames``."""
     from mssegment.imaging.frames import open_frames
 
     read = configuration.input
@@ -64,7 +64,22 @@ def open_input(configuration: Configuration) -> FrameSource:
 
 
 def import_tracks(path: str) -> TracksDocument:
-    """Tracks that another program wrote (``datasets``), ``-``: a CSV; raises DataError."""
+    """Read tracks that another program wrote.
+
+    Parameters
+    ----------
+    path : str
+        A file of a format in ``datasets``, or ``-`` for CSV on standard input.
+
+    Returns
+    -------
+    TracksDocument
+
+    Raises
+    ------
+    DataError
+        If the file cannot be read.
+    """
     from mssegment.datasets import read, read_content
 
     found = read_content(read_bytes(path), "standard input") if path == STANDARD else read(path)
@@ -77,7 +92,7 @@ def import_tracks(path: str) -> TracksDocument:
 
 
 def detect(configuration: Configuration, source: FrameSource) -> CornersDocument:
-    """Stage 1: the corners of every frame."""
+    """Stage 1: detect corners in every frame."""
     from mssegment.imaging.corners import QUALITY, detect_all
 
     settings = configuration.detect
@@ -97,7 +112,28 @@ def detect(configuration: Configuration, source: FrameSource) -> CornersDocument
 def match(
     document: CornersDocument, configuration: Configuration, source: FrameSource | None = None
 ) -> TracksDocument:
-    """Stage 2: corners become tracks. Without ``source`` the pictures are opened again."""
+    """Stage 2: match corners to tracks.
+
+    Parameters
+    ----------
+    document : CornersDocument
+        The corners.
+    configuration : Configuration
+        The settings.
+    source : FrameSource, optional
+        The frames; by default they are opened again.
+
+    Returns
+    -------
+    TracksDocument
+
+    Raises
+    ------
+    ConfigurationError
+        If a setting does not apply to the matcher.
+    DataError
+        If the frames cannot be read.
+    """
     from mssegment.imaging.frames import reopen_frames
     from mssegment.imaging.matching import match as match_corners
 
@@ -115,7 +151,15 @@ def match(
 
 
 def hypothesize(document: TracksDocument, configuration: Configuration) -> HypothesesDocument:
-    """Stage 3: background, elemental subsets, and hypotheses on the manifold of the model."""
+    """Stage 3: remove the background, and sample hypotheses on the manifold of the model.
+
+    Raises
+    ------
+    DataError
+        If no hypothesis can be computed from the tracks.
+    ConfigurationError
+        If a setting is not used by the strategy or the model.
+    """
     from mssegment.preprocessing.background import find_background
     from mssegment.sampling.strategy import check_sampling, draw
     from mssegment.stage_checks import nothing_moves
@@ -133,7 +177,7 @@ def hypothesize(document: TracksDocument, configuration: Configuration) -> Hypot
     check_sampling(options, strategy, frames)
     if nothing_moves(background.status, options.models(frames)):
         drawn = Hypotheses(strategy, ())
-        notes = (*notes, "nothing else moves: there is no motion to look for")
+        notes = (*notes, "nothing else moves; there are no motions to find")
     else:
         drawn = draw(
             points,
@@ -145,7 +189,7 @@ def hypothesize(document: TracksDocument, configuration: Configuration) -> Hypot
             rng=_random("hypothesize", configuration),
         )
         if not drawn.sets:
-            notes = (*notes, NOTHING_SHARED)
+            notes = (*notes, NO_COMMON_MOTION)
     return HypothesesDocument(
         frames=document.frames,
         camera=camera,
@@ -161,7 +205,28 @@ def hypothesize(document: TracksDocument, configuration: Configuration) -> Hypot
 def cluster(
     document: HypothesesDocument, configuration: Configuration, threads: int = 1
 ) -> SegmentationDocument:
-    """Stage 4: modes, motions, labels, by the strategy of the document."""
+    """Stage 4: find modes, motions and labels, with the strategy of the document.
+
+    Parameters
+    ----------
+    document : HypothesesDocument
+        The tracks and their hypotheses.
+    configuration : Configuration
+        The settings.
+    threads : int
+        Number of threads of mean shift.
+
+    Returns
+    -------
+    SegmentationDocument
+
+    Raises
+    ------
+    DataError
+        If the hypotheses do not fit the tracks.
+    ConfigurationError, UsageError
+        If a setting contradicts the strategy, or is not used by it.
+    """
     from mssegment.segmentation import cluster as segment
     from mssegment.stage_checks import check_method, check_sets, no_motion, nothing_moves
 
@@ -181,7 +246,7 @@ def cluster(
 
 
 def check_settings(configuration: Configuration, frames: int, threads: int = 1) -> None:
-    """Raises an error for a setting that the strategy for so many frames does not use."""
+    """Raise an error for a setting that the strategy for this number of frames does not use."""
     from mssegment.sampling.strategy import check_sampling
     from mssegment.segmentation.options import check_options
 
@@ -191,7 +256,7 @@ def check_settings(configuration: Configuration, frames: int, threads: int = 1) 
 
 
 def _sampling(configuration: Configuration, frames: int) -> tuple[SamplingOptions, Strategy]:
-    """How hypotheses are drawn for tracks over so many frames, and for which strategy."""
+    """Sampling options, and the strategy, for tracks over this number of frames."""
     from mssegment.sampling.options import SamplingOptions
     from mssegment.sampling.strategy import choose_strategy
 
@@ -208,6 +273,7 @@ def _sampling(configuration: Configuration, frames: int) -> tuple[SamplingOption
 
 
 def _segment_options(configuration: Configuration, threads: int) -> SegmentOptions:
+    """The options of ``cluster`` from the configuration."""
     from mssegment.segmentation.options import SegmentOptions
 
     shift, settings = configuration.cluster, configuration.segment
@@ -289,10 +355,29 @@ def run(
         None
     ),
 ) -> Segmentation:
-    """All stages in memory, from ``tracks``, from pictures in ``source``, or ``input.images``.
+    """Run all stages in memory.
 
-    ``on_stage(name, None, ...)`` is called before a stage, ``on_stage(name, document, ...)`` after
-    it. Raises DataError as the stages do.
+    Parameters
+    ----------
+    configuration : Configuration
+        The settings.
+    tracks : TracksDocument, optional
+        Tracks to segment; by default they are detected in images.
+    source : FrameSource, optional
+        The frames; by default those of ``input.images``.
+    threads : int
+        Number of threads of mean shift.
+    on_stage : callable
+        Called with (name, None, timings) before a stage and (name, document, timings) after it.
+
+    Returns
+    -------
+    Segmentation
+
+    Raises
+    ------
+    DataError, ConfigurationError, UsageError
+        Like the stages.
     """
     timings = Timings()
     corners: CornersDocument | None = None
@@ -321,7 +406,7 @@ def run(
 
 
 def straight(points: Floats, camera: Camera | None) -> Floats:
-    """The points without lens distortion, which comes before anything else."""
+    """Remove lens distortion from points, if the camera has any."""
     if camera is None or not camera.distortion:
         return points
     from mssegment.imaging.camera import undistort_points

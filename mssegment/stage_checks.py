@@ -1,6 +1,7 @@
-"""What must hold between a stage and the one before it, and the answer where nothing moves.
+"""Checks between stages, and the result if nothing moves.
 
-Documents may be edited by hand; what the mathematics would trip over is said here in one line.
+Documents may be edited by hand. Errors that would otherwise appear deep in the mathematics are
+reported here in one line.
 """
 
 from __future__ import annotations
@@ -20,18 +21,26 @@ from mssegment.records import (
     Strategy,
 )
 
-AGAIN = "run `mssegment hypothesize` again"
+ADVICE = "run `mssegment hypothesize` again"
 
 
 def nothing_moves(status: Integers, names: Sequence[str]) -> bool:
-    """Whether, without the background, too few tracks are left for a hypothesis of ``names``."""
+    """Whether too few tracks remain for a hypothesis after the background is removed.
+
+    Parameters
+    ----------
+    status : ndarray [P] of int
+        ``BACKGROUND``, or ``OUTLIER`` for tracks to segment.
+    names : sequence of str
+        Names of the models.
+    """
     least = min(models.make(name, frames=3).subset_size for name in names)
-    left = int((status == OUTLIER).sum())
-    return bool((status == BACKGROUND).any()) and left <= least
+    moving = int((status == OUTLIER).sum())
+    return bool((status == BACKGROUND).any()) and moving <= least
 
 
 def no_motion(status: Integers) -> ClusterResult:
-    """The segmentation in which every track keeps its status and there is no motion."""
+    """The segmentation without motions, in which every track keeps its status."""
     return ClusterResult(
         labels=status,
         modes=(),
@@ -42,16 +51,28 @@ def no_motion(status: Integers) -> ClusterResult:
 
 
 def check_sets(sets: Sequence[HypothesisSet]) -> None:
-    """Raises DataError for a set whose model, manifold, frames and points do not fit together."""
+    """Check that model, manifold, frames and points of each set agree.
+
+    Raises
+    ------
+    DataError
+        With the index of the first set that is invalid.
+    """
     for i, hypotheses in enumerate(sets):
         try:
             models.of_set(hypotheses)
         except (DataError, ConfigurationError) as error:
-            raise DataError(f"sets[{i}]: {error}; {AGAIN}") from None
+            raise DataError(f"sets[{i}]: {error}; {ADVICE}") from None
 
 
 def check_method(method: str, strategy: Strategy) -> None:
-    """Raises ConfigurationError where ``cluster.method`` contradicts the strategy."""
+    """Check that ``cluster.method`` agrees with the strategy of the hypotheses.
+
+    Raises
+    ------
+    ConfigurationError
+        If it does not.
+    """
     if method != "auto" and (method == "consensus") != (strategy == "consensus"):
         raise ConfigurationError(
             f"cluster.method is {method}, but the hypotheses were drawn for strategy {strategy}: "

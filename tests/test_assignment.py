@@ -1,4 +1,4 @@
-"""Tracks that had no part in finding the motions, and labels held together by neighbours."""
+"""Assignment of further tracks to motions, and labels smoothed by neighbours."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def scene():
     return points, sets, found, name
 
 
-def test_new_tracks_go_to_their_motion(scene) -> None:
+def test_new_tracks_are_assigned_to_their_motion(scene) -> None:
     _, sets, found, name = scene
     points, truth = matches(np.random.default_rng(9), 100)
     labels = assign(points, sets, found)
@@ -53,7 +53,7 @@ def test_tracks_of_no_motion_are_outliers(scene) -> None:
     assert (assign(points, sets, found) == OUTLIER).all()
 
 
-def test_tracks_are_judged_one_by_one(scene) -> None:
+def test_each_track_is_assigned_independently(scene) -> None:
     points, sets, found, _ = scene
     order = np.random.default_rng(0).permutation(len(points))
     labels = assign(points, sets, found)
@@ -68,7 +68,7 @@ def test_without_motions_everything_is_an_outlier(scene) -> None:
     assert (assign(points, sets, replace(found, motions=())) == OUTLIER).all()
 
 
-def test_the_scene_was_judged_as_it_was_labelled(scene) -> None:
+def test_assignment_agrees_with_the_segmentation(scene) -> None:
     points, sets, found, _ = scene
     labelled = (found.labels > OUTLIER) & (found.labels != NOT_JUDGED)
     agree = assign(points, sets, found)[labelled] == found.labels[labelled]
@@ -80,7 +80,7 @@ def ring(count: int) -> np.ndarray:
     return (np.arange(count)[:, None] + (-2, -1, 1, 2)) % count
 
 
-def test_a_doubtful_track_gets_the_label_of_its_neighbours() -> None:
+def test_an_ambiguous_track_gets_the_label_of_its_neighbours() -> None:
     gains = np.repeat([[5.0], [0.0]], 20, axis=1)
     gains[:, 10:] = gains[::-1, 10:]
     gains[:, 4] = 4.9, 5.0
@@ -89,14 +89,14 @@ def test_a_doubtful_track_gets_the_label_of_its_neighbours() -> None:
     np.testing.assert_array_equal(smooth_labels(gains, ring(20), labels), np.repeat([1, 2], 10))
 
 
-def test_a_certain_track_keeps_its_label_among_strangers() -> None:
+def test_an_unambiguous_track_keeps_its_label() -> None:
     gains = np.repeat([[5.0], [0.0]], 20, axis=1)
     gains[:, 4] = 0.0, 50.0
     labels = gains.argmax(axis=0) + 1
     np.testing.assert_array_equal(smooth_labels(gains, ring(20), labels), labels)
 
 
-def test_names_of_motions_do_not_matter_to_their_labels(rng: np.random.Generator) -> None:
+def test_the_order_of_motions_does_not_matter(rng: np.random.Generator) -> None:
     gains = rng.normal(2, 3, (3, 60))
     labels = gains.argmax(axis=0) + 1
     new = np.array([0, 3, 1, 2])

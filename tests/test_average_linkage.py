@@ -1,4 +1,4 @@
-"""Objects before a static camera, the background around them, and the rank of subspaces."""
+"""Objects before a static camera, their background, and the rank of subspaces."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from mssegment.segmentation.consensus.average_linkage import average_linkage
 from tests.stages import cluster
 
 
-def test_joins_are_those_of_average_linkage(rng: np.random.Generator) -> None:
+def test_merges_are_those_of_scipy(rng: np.random.Generator) -> None:
     places = rng.normal(size=(40, 3))
     agreement = np.exp(-np.linalg.norm(places[:, None] - places, axis=-1))
     found = average_linkage(agreement, np.ones((40, 40)))
@@ -30,7 +30,7 @@ def test_joins_are_those_of_average_linkage(rng: np.random.Generator) -> None:
 
 
 def parallel_cars(rng: np.random.Generator, frames: int = 40) -> tuple[np.ndarray, np.ndarray]:
-    """Three cars on one road before a static camera: two come, one goes; tracks begin anywhere."""
+    """Three cars on a road before a static camera, two approach, one recedes; partial tracks."""
     tracks, labels = [], []
     time = np.arange(frames)[:, None, None]
     cars = (((-2.0, -0.2, 30.0), 0.15), ((-2.0, -0.2, 17.0), 0.2), ((1.5, -0.2, 12.0), -0.1))
@@ -83,11 +83,11 @@ def test_cars_before_a_static_camera_from_pixels(data_folder: Path) -> None:
     assert (labels == BACKGROUND).mean() > 0.5
 
 
-def test_what_wavers_among_what_stands_still_is_background_too(rng: np.random.Generator) -> None:
+def test_drifting_tracks_among_static_ones_are_background(rng: np.random.Generator) -> None:
     still = np.repeat(rng.uniform(10, (630, 470), (300, 1, 2)), 30, axis=1)
     still += rng.normal(0, 0.5, still.shape)
-    wavering, slow = still[:20], still[20:60]
-    wavering += np.linspace(0, 1, 30)[:, None] * (2.5, 0)
+    drifting, slow = still[:20], still[20:60]
+    drifting += np.linspace(0, 1, 30)[:, None] * (2.5, 0)
     slow[:] = rng.uniform((300, 200), (340, 240), (40, 1, 2)) + rng.normal(0, 0.5, slow.shape)
     slow += np.linspace(0, 1, 30)[:, None] * (0, 6)
     status = find_background(still, frame_size=(640, 480)).status

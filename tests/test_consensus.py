@@ -1,4 +1,4 @@
-"""Consensus on synthetic bodies: laws, invariances, outliers, gaps; and on the real sequences."""
+"""Consensus on synthetic objects: laws, invariances, outliers, gaps; and on real sequences."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def scene():
     return rigid_bodies(np.random.default_rng(5))
 
 
-def test_marks_are_the_best_ones(rng: np.random.Generator) -> None:
+def test_tracks_mark_the_best_hypotheses(rng: np.random.Generator) -> None:
     squared = rng.random((9, 30))
     marks = mark_best(squared, 4)
     np.testing.assert_array_equal(marks.sum(axis=1), 4)
@@ -58,13 +58,13 @@ def test_spectral_partition_finds_blocks(rng: np.random.Generator) -> None:
     assert misclassification(labels + 1, truth + 1) == 0
 
 
-def test_cost_of_a_cloud_does_not_depend_on_axes_or_origin(rng: np.random.Generator) -> None:
-    cloud = rng.normal(size=(80, 12)) * rng.uniform(1, 30, 12)
+def test_cost_of_a_group_does_not_depend_on_axes_or_origin(rng: np.random.Generator) -> None:
+    group = rng.normal(size=(80, 12)) * rng.uniform(1, 30, 12)
     turn, _ = np.linalg.qr(rng.normal(size=(12, 12)))
-    assert group_cost(cloud @ turn + 100, 100) == pytest.approx(group_cost(cloud, 100))
+    assert group_cost(group @ turn + 100, 100) == pytest.approx(group_cost(group, 100))
 
 
-def test_contrast_is_low_between_bodies_and_about_one_inside(rng: np.random.Generator) -> None:
+def test_contrast_is_low_between_objects_and_about_one_inside(rng: np.random.Generator) -> None:
     place = rng.uniform(0, 10, (200, 2))
     gaps = np.linalg.norm(place[:, None] - place, axis=-1)
     left, right = np.flatnonzero(place[:, 0] < 5), np.flatnonzero(place[:, 0] >= 5)
@@ -74,7 +74,7 @@ def test_contrast_is_low_between_bodies_and_about_one_inside(rng: np.random.Gene
     assert border_contrast(inside * same, gaps, left, right) < 0.05
 
 
-def test_leave_one_out_residuals_see_a_lever(rng: np.random.Generator) -> None:
+def test_leave_one_out_residuals_reveal_a_leverage_point(rng: np.random.Generator) -> None:
     flat = rng.normal(size=(40, 3)) @ rng.normal(size=(3, 20)) + rng.normal(0, 0.01, (40, 20))
     flat[7] += 500 * rng.normal(size=20)
     residual = leave_one_out_residuals(flat)
@@ -82,7 +82,7 @@ def test_leave_one_out_residuals_see_a_lever(rng: np.random.Generator) -> None:
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_bodies_are_found_and_counted(seed: int) -> None:
+def test_motions_are_found_and_counted(seed: int) -> None:
     points, labels = rigid_bodies(np.random.default_rng(seed))
     found = run(points, seed)
     assert misclassification(found.labels, labels) <= 0.02
@@ -91,7 +91,7 @@ def test_bodies_are_found_and_counted(seed: int) -> None:
     assert (np.diff(sizes) <= 0).all()
 
 
-def test_one_body_is_one_motion() -> None:
+def test_one_object_is_one_motion() -> None:
     for seed in range(5):
         points, _ = rigid_bodies(np.random.default_rng(seed), sizes=(120,))
         assert run(points, seed).labels.max() == 1
@@ -103,7 +103,7 @@ def test_one_body_is_one_motion() -> None:
     shift=st.tuples(st.floats(-1e4, 1e4), st.floats(-1e4, 1e4)),
     seed=st.integers(0, 100),
 )
-def test_neither_scale_nor_place_nor_order_matters(scale, shift, seed) -> None:
+def test_scale_position_and_order_do_not_matter(scale, shift, seed) -> None:
     points, labels = rigid_bodies(np.random.default_rng(5))
     order = np.random.default_rng(seed).permutation(len(points))
     found = run((points * scale + shift)[order], seed)
@@ -115,7 +115,7 @@ def test_same_seed_same_labels(scene) -> None:
     np.testing.assert_array_equal(run(points, 3).labels, run(points, 3).labels)
 
 
-def test_outliers_end_as_outliers(scene) -> None:
+def test_outliers_are_labelled_as_outliers(scene) -> None:
     points, labels = scene
     rng = np.random.default_rng(1)
     wrong = points[rng.integers(len(points), size=36)].copy()
@@ -126,7 +126,7 @@ def test_outliers_end_as_outliers(scene) -> None:
     assert (found[len(points) :] == OUTLIER).mean() > 0.9
 
 
-def test_short_tracks_join_and_unseen_ones_are_not_judged(scene) -> None:
+def test_short_tracks_are_labelled_and_invisible_ones_are_not_judged(scene) -> None:
     points, labels = scene
     points = points.copy()
     rng = np.random.default_rng(2)
@@ -142,7 +142,7 @@ def test_short_tracks_join_and_unseen_ones_are_not_judged(scene) -> None:
     assert misclassification(found, labels) <= 0.03
 
 
-def test_tracks_that_begin_and_end_anywhere() -> None:
+def test_incomplete_tracks() -> None:
     points, labels = rigid_bodies(np.random.default_rng(8), sizes=(90, 70, 60), frames=24)
     rng = np.random.default_rng(3)
     for track in points:
@@ -155,7 +155,7 @@ def test_tracks_that_begin_and_end_anywhere() -> None:
     assert misclassification(found.labels, labels) <= 0.03
 
 
-def test_excluded_tracks_take_no_part(scene) -> None:
+def test_excluded_tracks_are_not_used(scene) -> None:
     points, labels = scene
     eligible = labels != 2
     rng = np.random.default_rng(0)
@@ -166,7 +166,7 @@ def test_excluded_tracks_take_no_part(scene) -> None:
     assert misclassification(found.labels[eligible], labels[eligible]) <= 0.02
 
 
-def test_every_motion_is_a_point_with_a_mode(scene) -> None:
+def test_every_motion_is_a_point_on_a_manifold_and_has_a_mode(scene) -> None:
     points, labels = scene
     rng = np.random.default_rng(0)
     hypotheses = draw_for_consensus(points, rng)
@@ -203,13 +203,13 @@ def test_every_motion_is_a_point_with_a_mode(scene) -> None:
         ("meanshift", "mdl", "factorization", 5, "modes"),
     ],
 )
-def test_strategy_by_method_selection_and_frames(
+def test_strategy_for_method_selection_and_frames(
     method: str, selection: str, model: str, frames: int, strategy: str
 ) -> None:
     assert choose_strategy(method, selection, (model,), frames) == strategy
 
 
-def test_cluster_obeys_the_strategy(scene) -> None:
+def test_cluster_follows_the_strategy(scene) -> None:
     points, labels = scene
     hypotheses = draw_for_consensus(points, np.random.default_rng(0))
     assert (hypotheses.strategy, hypotheses.partition) == ("consensus", "spectral")
@@ -218,17 +218,17 @@ def test_cluster_obeys_the_strategy(scene) -> None:
 
 
 @pytest.mark.parametrize(
-    ("change", "said"),
+    ("change", "message"),
     [
         ({"granularity": "surface"}, "segment.granularity is surface"),
         ({"selection": "dominance"}, "segment.selection is dominance"),
         ({"threads": 2}, "--threads is 2"),
     ],
 )
-def test_options_that_consensus_does_not_use_are_refused(scene, change, said: str) -> None:
+def test_options_that_consensus_does_not_use_are_errors(scene, change, message: str) -> None:
     points, _ = scene
     hypotheses = draw_for_consensus(points, np.random.default_rng(0))
-    with pytest.raises(MssegmentError, match=said) as raised:
+    with pytest.raises(MssegmentError, match=message) as raised:
         cluster(points, hypotheses, **change)
     assert "leave it at" in str(raised.value)
 
@@ -249,7 +249,7 @@ def test_two_frames_are_enough(rng: np.random.Generator) -> None:
     assert misclassification(found.labels, labels) <= 0.1
 
 
-def test_what_cannot_be_grouped_says_why(scene) -> None:
+def test_errors_if_tracks_cannot_be_grouped(scene) -> None:
     points, _ = scene
     rng = np.random.default_rng(0)
     with pytest.raises(DataError, match="2 frames"):

@@ -1,4 +1,4 @@
-"""Faces of one body are one object; bodies that meet in the picture stay two."""
+"""Faces of one object are merged; objects that meet in the image are not."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ EDGE = 320.0
 
 
 def box(rng: np.random.Generator, jump: float, size: int = 120) -> Floats:
-    """Matches on the two faces of a box that turns about its edge; the right one also jumps."""
+    """Matches on two faces of a box that rotates about its edge; the right one may also jump."""
     first = rng.uniform((EDGE - 120, 100), (EDGE + 120, 380), (size, 2))
     right = first[:, 0] > EDGE
     stretch = np.where(right, 0.25, -0.25)
@@ -43,20 +43,20 @@ def test_faces_are_one_object_and_two_surfaces(model: str, seed: int) -> None:
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_bodies_that_move_apart_where_they_meet_stay_two(seed: int) -> None:
+def test_objects_that_move_apart_at_their_border_are_two(seed: int) -> None:
     points = box(np.random.default_rng(seed), 25.0)
     for model in ("affine", "auto"):
         found = segment(points, f"hypothesize.model={model}", f"seed={seed}")
         assert len(found.motions) == 2
 
 
-def test_a_number_that_is_given_is_not_joined() -> None:
+def test_a_given_number_of_motions_is_not_merged() -> None:
     points = box(np.random.default_rng(0), 0.0)
     assert len(segment(points, "segment.motions=2").motions) == 2
     assert len(segment(points, "segment.min_motions=2").motions) == 2
 
 
-def test_what_hangs_together_is_one_body() -> None:
+def test_connected_motions_are_one_object() -> None:
     labels = np.array([0, 1, 2, 3, 4])
     assert group_motions(labels, []).tolist() == [0, 1, 2, 3]
     assert group_motions(labels, [(0, 2), (2, 3)]).tolist() == [0, 1, 0, 0]

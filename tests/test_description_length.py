@@ -1,4 +1,4 @@
-"""Selection by description length: laws of the description, and what it finds."""
+"""Selection by description length: laws of the description, and its results."""
 
 from __future__ import annotations
 
@@ -30,10 +30,10 @@ NOISE = Noise(
 )
 
 
-def two_bodies(
+def two_objects(
     seed: int, sizes: tuple[int, ...] = (40, 30), outliers: int = 30
 ) -> tuple[Floats, Integers]:
-    """Bodies side by side that move differently, noise 0.5 px, uniform mismatches, 640 x 480."""
+    """Objects side by side that move differently, noise 0.5 px, uniform mismatches, 640 x 480."""
     rng = np.random.default_rng(seed)
     tracks, labels = [], []
     for j, size in enumerate(sizes):
@@ -52,22 +52,22 @@ def segment(points: Floats, model: str = "affine", **options: object) -> Cluster
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_bodies_are_found_and_counted(seed: int) -> None:
-    points, labels = two_bodies(seed)
+def test_motions_are_found_and_counted(seed: int) -> None:
+    points, labels = two_objects(seed)
     found = segment(points)
     assert len(found.motions) == 2
     assert misclassification(found.labels, labels) <= 0.03
     assert all(motion.cost_saved is not None and motion.cost_saved > 0 for motion in found.motions)
 
 
-def test_one_body_stays_one_however_dense_its_matches() -> None:
-    points, _ = two_bodies(1, sizes=(400,), outliers=100)
+def test_one_object_is_one_motion_however_dense_its_matches() -> None:
+    points, _ = two_objects(1, sizes=(400,), outliers=100)
     assert len(segment(points).motions) == 1
 
 
 @pytest.mark.parametrize("frames", [2, 5])
 @pytest.mark.parametrize("noise", [0.0, 1.0])
-def test_a_shift_that_all_tracks_share_is_one_motion(frames: int, noise: float) -> None:
+def test_a_common_translation_is_one_motion(frames: int, noise: float) -> None:
     rng = np.random.default_rng(0)
     shift = np.arange(frames)[:, None] * np.array([20.0, 5.0])
     points = rng.uniform(0, 400, (60, 1, 2)) + shift
@@ -77,41 +77,41 @@ def test_a_shift_that_all_tracks_share_is_one_motion(frames: int, noise: float) 
     assert (found.labels == 1).mean() > 0.9
 
 
-def test_mismatches_alone_are_no_motion() -> None:
+def test_mismatches_alone_have_no_motion() -> None:
     points = np.random.default_rng(3).uniform([0, 0], [640, 480], (120, 2, 2))
     points[:3] = [[[100, 100], [110, 100]], [[120, 100], [130, 100]], [[100, 120], [110, 120]]]
     try:
         found = segment(points)
-    except DataError:  # no hypothesis is confirmed, which is also an answer
+    except DataError:  # no hypothesis has support, which is also an answer
         return
     assert not found.motions
 
 
 @pytest.mark.parametrize("wanted", [1, 2])
-def test_a_given_number_of_motions_is_kept(wanted: int) -> None:
-    points, _ = two_bodies(2)
+def test_a_given_number_of_motions_is_found(wanted: int) -> None:
+    points, _ = two_objects(2)
     assert len(segment(points, motions=wanted).motions) == wanted
 
 
-def test_a_motion_too_small_to_pay_is_found_when_it_is_asked_for() -> None:
-    points, _ = two_bodies(2, sizes=(60, 5))
+def test_a_motion_that_saves_nothing_is_found_if_requested() -> None:
+    points, _ = two_objects(2, sizes=(60, 5))
     assert len(segment(points).motions) == 1
     assert len(segment(points, min_motions=2).motions) == 2
 
 
-def test_motions_that_are_not_there_are_not_made_up() -> None:
-    points, _ = two_bodies(2, sizes=(60,), outliers=0)
+def test_missing_motions_are_not_invented() -> None:
+    points, _ = two_objects(2, sizes=(60,), outliers=0)
     found = segment(points, motions=3)
     assert len(found.motions) == 3 or any("motions requested" in note for note in found.notes)
 
 
-def test_a_larger_picture_gives_the_same_labels() -> None:
-    points, _ = two_bodies(4)
+def test_a_larger_image_has_the_same_labels() -> None:
+    points, _ = two_objects(4)
     np.testing.assert_array_equal(segment(points).labels, segment(3.0 * points).labels)
 
 
 def test_same_seed_same_result() -> None:
-    points, _ = two_bodies(5)
+    points, _ = two_objects(5)
     first, second = segment(points), segment(points)
     np.testing.assert_array_equal(first.labels, second.labels)
     for one, other in zip(first.motions, second.motions, strict=True):
@@ -119,7 +119,7 @@ def test_same_seed_same_result() -> None:
 
 
 def test_labels_and_inliers_agree() -> None:
-    points, _ = two_bodies(6)
+    points, _ = two_objects(6)
     found = segment(points)
     for motion in found.motions:
         np.testing.assert_array_equal(np.flatnonzero(found.labels == motion.label), motion.inliers)
@@ -156,7 +156,7 @@ def test_neighbours_decide_between_equal_motions() -> None:
     assert labels[30] == 2
 
 
-def test_neighbours_that_count_are_the_nearest(rng: np.random.Generator) -> None:
+def test_the_nearest_assigned_neighbours_are_found(rng: np.random.Generator) -> None:
     space = rng.uniform(0, 10, (60, 2))
     neighbourhood = Neighbourhood(space)
     for share in (0.9, 0.3, 0.1):
@@ -169,22 +169,22 @@ def test_neighbours_that_count_are_the_nearest(rng: np.random.Generator) -> None
 
 
 @pytest.mark.parametrize("freedom", [2.5, np.inf])
-def test_half_of_the_gain_is_saved_where_it_says(freedom: float) -> None:
+def test_residual_at_half_gain(freedom: float) -> None:
     noise, scales = replace(NOISE, degrees_of_freedom=freedom), np.array([0.5, 2.0, 5.0])
     at_half = noise.gains(noise.residual_at_half_gain(scales)[:, None], scales)[:, 0]
     np.testing.assert_allclose(at_half, noise.max_gain(scales) / 2)
-    hopeless = np.array([1e5])  # saves nothing even on a perfect fit
-    assert noise.residual_at_half_gain(hopeless) == 0
+    useless = np.array([1e5])  # saves nothing even on a perfect fit
+    assert noise.residual_at_half_gain(useless) == 0
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_bodies_apart_that_move_almost_alike_are_two(seed: int) -> None:
+def test_separate_objects_that_move_almost_alike_are_two(seed: int) -> None:
     points = almost_alike(seed, difference=3.0)
     assert len(segment(points, granularity="surface").motions) == 2
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_parts_apart_that_move_alike_are_one(seed: int) -> None:
+def test_separate_parts_that_move_alike_are_one(seed: int) -> None:
     points = almost_alike(seed, difference=0.0)
     assert len(segment(points, granularity="surface").motions) == 1
 
@@ -193,7 +193,7 @@ def almost_alike(seed: int, difference: float) -> Floats:
     """16 tracks each of two places, all in one affine motion but for the ``difference`` (pixels).
 
     Noise 0.5 px in both views and 30 mismatches. The difference is one that no affine motion of
-    both could have: the second place turns its own way.
+    both could have: the second place has its own rotation.
     """
     rng = np.random.default_rng(seed)
     parts = []
@@ -279,14 +279,14 @@ def test_mismatches_added_stay_outliers(data_folder: Path) -> None:
     assert misclassification(found.labels, truth) <= 0.02
 
 
-def test_true_labels_cannot_be_read() -> None:
+def test_true_labels_are_not_parameters() -> None:
     for function in (hypothesize, cluster):
         assert "labels" not in inspect.signature(function).parameters
         assert "truth" not in inspect.signature(function).parameters
 
 
-def test_auto_says_what_it_chose() -> None:
-    points, labels = two_bodies(7)
+def test_auto_notes_its_choice() -> None:
+    points, labels = two_objects(7)
     found = segment(points, model="auto", granularity="auto")
     assert {motion.model for motion in found.motions} <= {"affine", "homography"}
     assert any(note.startswith("granularity auto:") for note in found.notes)
@@ -294,8 +294,8 @@ def test_auto_says_what_it_chose() -> None:
     assert misclassification(found.labels, labels) <= 0.05
 
 
-def test_drift_inside_a_body_is_no_second_motion() -> None:
-    """A tracker's drift over several frames is smooth, and differs across a body."""
+def test_drift_within_an_object_is_not_a_second_motion() -> None:
+    """Drift of a tracker over several frames is smooth, and varies within an object."""
     rng = np.random.default_rng(0)
     first = rng.uniform(0, 300, (250, 1, 2))
     points = first + np.arange(5)[:, None] * np.array([8.0, 3.0])

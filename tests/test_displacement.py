@@ -1,4 +1,4 @@
-"""The displacements of one motion predict each other."""
+"""The displacements of tracks of one motion predict each other."""
 
 import numpy as np
 import pytest
@@ -13,7 +13,7 @@ def noise():
     return Noise(1, 1, 0.1, 1.0, longest, 2 * longest, np.zeros(40))
 
 
-def test_a_body_at_one_depth_predicts_its_tracks(noise, rng):
+def test_an_object_at_one_depth_predicts_its_tracks(noise, rng):
     moved = np.r_[rng.normal(50.0, 0.5, 30), rng.uniform(0.0, 20.0, 10)][None]
     inliers = (np.arange(40) < 30)[None].astype(float)
     gains = displacement_gains(moved, inliers, noise)[0]
@@ -22,7 +22,7 @@ def test_a_body_at_one_depth_predicts_its_tracks(noise, rng):
 
 
 def test_a_motion_without_inliers_predicts_little(noise):
-    # every bin of the logarithm is as likely: no more than the prior of all motions
+    # all bins of the logarithm are equally likely
     moved = np.full((1, 40), 50.0)
     few = displacement_gains(moved, np.zeros((1, 40)), noise)
     many = displacement_gains(moved, np.ones((1, 40)), noise)
@@ -36,7 +36,7 @@ def test_a_track_does_not_predict_itself(noise):
     assert alone == pytest.approx(out, abs=0.02)
 
 
-def test_a_scaling_of_all_pixels_changes_nothing(noise, rng):
+def test_scaling_all_pixels_changes_nothing(noise, rng):
     moved = rng.uniform(0.0, 100.0, (3, 40))
     inliers = (rng.random((3, 40)) < 0.6).astype(float)
     extent = noise.log_free_extent + np.log(2.0)

@@ -1,4 +1,4 @@
-"""The formulas that several models share, each against its definition."""
+"""Geometry that several models share, each formula against its definition."""
 
 from __future__ import annotations
 
@@ -27,10 +27,10 @@ from mssegment.geometry.rotations import (
 def two_views(rng):
     """An essential matrix, and rays of points that satisfy it: E [1, 3, 3], x1, x2 [20, 3]."""
     space = rng.uniform([-1.0, -1.0, 4.0], [1.0, 1.0, 6.0], (20, 3))
-    turn, shift = rotation(0.1 * rng.normal(size=3)), rng.normal(size=3)
-    moved = space @ turn.T + shift
+    rotated, shift = rotation(0.1 * rng.normal(size=3)), rng.normal(size=3)
+    moved = space @ rotated.T + shift
     first, second = (x / x[:, 2:] for x in (space, moved))
-    return (skew(shift) @ turn)[None], first, second
+    return (skew(shift) @ rotated)[None], first, second
 
 
 def test_rotations_are_orthogonal_and_have_their_angle(rng):
@@ -64,7 +64,7 @@ def test_tangent_bases_are_orthonormal_and_steps_stay_on_the_sphere(rng, n):
     np.testing.assert_allclose(np.linalg.norm(moved, axis=1), 1.0, atol=1e-12)
 
 
-def test_sampson_distance_is_that_to_the_nearest_exact_match(two_views, rng):
+def test_sampson_distance_is_the_distance_to_the_nearest_exact_match(two_views, rng):
     matrices, first, second = two_views
     np.testing.assert_allclose(epipolar.sampson(matrices, first, second).error, 0.0, atol=1e-12)
     noise = 1e-4 * rng.normal(size=(2, 20, 2))
@@ -115,7 +115,7 @@ def test_rotated_translations_agree_with_finite_differences(rng):
         np.testing.assert_allclose((ahead - back) / 2e-6, jacobian[..., k], rtol=1e-5, atol=1e-7)
 
 
-def test_every_matrix_may_have_matches_of_its_own(rng):
+def test_each_matrix_may_have_its_own_matches(rng):
     matrices, first, second = (rng.normal(size=(5, 3, 3)) for _ in range(3))
     error, jacobian = epipolar.sampson_jacobian(matrices, first, second)
     for i in range(5):
@@ -137,7 +137,7 @@ def test_homographies_map_points(rng):
     np.testing.assert_allclose(errors[seen], (x**2 + y**2)[seen])
 
 
-def test_levenberg_marquardt_fits_circles_and_never_climbs(rng):
+def test_levenberg_marquardt_fits_circles_and_never_increases_the_cost(rng):
     """Many circles x^2 + y^2 = r^2 about unknown centres, from bad starts."""
     true = rng.uniform(1.0, 3.0, (6, 3))
     angle = rng.uniform(0.0, 2.0, (6, 15))
@@ -160,7 +160,7 @@ def test_levenberg_marquardt_fits_circles_and_never_climbs(rng):
         costs.append((linearize((found,), rows)[0] ** 2).sum(axis=1))
     assert (np.diff(costs, axis=0) <= 1e-12).all()
     np.testing.assert_allclose(found, true, atol=1e-6)
-    # residuals without weight do not matter
+    # residuals of weight zero have no influence
     x[:, 0] += 5.0
     weights = np.ones_like(x)
     weights[:, 0] = 0.0
@@ -168,21 +168,21 @@ def test_levenberg_marquardt_fits_circles_and_never_climbs(rng):
     np.testing.assert_allclose(weighted, true, atol=1e-6)
 
 
-def test_a_parameter_that_nothing_depends_on_does_not_move():
+def test_a_parameter_without_influence_does_not_change():
     jacobian = np.zeros((1, 4, 2))
     jacobian[..., 0] = 1.0
     step = damped_step(jacobian, np.full((1, 4), 2.0), np.array([0.0]))
     np.testing.assert_allclose(step, [[-2.0, 0.0]])
 
 
-def test_student_t_ignores_far_vectors_that_a_gaussian_does_not(rng):
+def test_student_t_ignores_distant_vectors(rng):
     vectors = rng.normal(size=(200, 3)) @ np.diag([3.0, 1.0, 0.5])
     vectors[:10] += 100.0
     fit = StudentTFit(vectors, 5.0, 1e-3)
     members = np.ones((1, 200))
     fitted = fit(members)
     assert np.median(fitted.squared[0, :10]) > 20 * np.median(fitted.squared[0, 10:])
-    # two groups at a time are what each is alone
+    # groups that are fitted together do not influence each other
     halves = np.zeros((2, 200))
     halves[0, :100], halves[1, 100:] = 1.0, 1.0
     both, one = fit(halves), fit(halves[:1])
@@ -190,7 +190,7 @@ def test_student_t_ignores_far_vectors_that_a_gaussian_does_not(rng):
     np.testing.assert_allclose(both.log_det[0], one.log_det[0])
 
 
-def test_hard_em_moves_what_is_nearer_and_dissolves_small_groups():
+def test_hard_em_reassigns_vectors_and_dissolves_small_groups():
     place = np.r_[np.zeros(10), np.full(10, 5.0), 2.4]
     labels = np.r_[np.zeros(10, int), np.ones(10, int), 2]
 

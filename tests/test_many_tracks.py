@@ -1,4 +1,4 @@
-"""Dense tracks: memory is bounded, and what had no part in finding the motions has its label."""
+"""Dense tracks: memory is bounded, and tracks that were not grouped are labelled."""
 
 from __future__ import annotations
 
@@ -18,27 +18,27 @@ from mssegment.segmentation.consensus.label_propagation import (
 
 
 @pytest.fixture(scope="module")
-def crowd() -> tuple[np.ndarray, np.ndarray]:
-    """More tracks than are grouped, in 20 frames; every tenth of 3000 goes its own way."""
+def dense() -> tuple[np.ndarray, np.ndarray]:
+    """More tracks than are grouped, in 20 frames; every tenth of 3000 is an outlier."""
     rng = np.random.default_rng(5)
     points, labels = rigid_bodies(rng, sizes=(1300, 1000, 700), frames=20)
-    strays = np.arange(0, 3000, 10)
-    points[strays] += rng.normal(0, 12, (300, 20, 2))
-    labels[strays] = 0
+    outliers = np.arange(0, 3000, 10)
+    points[outliers] += rng.normal(0, 12, (300, 20, 2))
+    labels[outliers] = 0
     return points, labels
 
 
-def test_every_track_of_a_crowd_gets_its_label(crowd: tuple[np.ndarray, np.ndarray]) -> None:
-    points, labels = crowd
+def test_every_dense_track_is_labelled(dense: tuple[np.ndarray, np.ndarray]) -> None:
+    points, labels = dense
     found = mssegment.segment_tracks(points)
     assert len(found.motions) == 3
     assert misclassification(found.labels, labels) < 0.02
 
 
-def test_tracks_that_begin_and_end_anywhere_join_too(
-    crowd: tuple[np.ndarray, np.ndarray],
+def test_incomplete_tracks_are_labelled_too(
+    dense: tuple[np.ndarray, np.ndarray],
 ) -> None:
-    points, labels = crowd[0].copy(), crowd[1]
+    points, labels = dense[0].copy(), dense[1]
     rng = np.random.default_rng(3)
     for track in points:
         start = rng.integers(0, 8)
@@ -49,10 +49,10 @@ def test_tracks_that_begin_and_end_anywhere_join_too(
     assert misclassification(found[judged], labels[judged]) < 0.02
 
 
-def test_a_crowd_is_grouped_by_those_that_made_hypotheses(
-    crowd: tuple[np.ndarray, np.ndarray],
+def test_only_sampled_tracks_are_grouped(
+    dense: tuple[np.ndarray, np.ndarray],
 ) -> None:
-    points, _ = crowd
+    points, _ = dense
     sets = draw_for_consensus(points, np.random.default_rng(0)).sets
     everyone = np.ones(len(points), dtype=bool)
     grouped = tracks_to_group(everyone, sets)
@@ -61,11 +61,11 @@ def test_a_crowd_is_grouped_by_those_that_made_hypotheses(
     np.testing.assert_array_equal(tracks_to_group(few, sets), few)
 
 
-def test_hypotheses_among_some_tracks_count_these_only(
-    crowd: tuple[np.ndarray, np.ndarray],
+def test_hypotheses_among_some_tracks_index_these_only(
+    dense: tuple[np.ndarray, np.ndarray],
 ) -> None:
-    drawn = draw_for_consensus(crowd[0], np.random.default_rng(0))
-    chosen = np.arange(len(crowd[0])) % 2 == 0
+    drawn = draw_for_consensus(dense[0], np.random.default_rng(0))
+    chosen = np.arange(len(dense[0])) % 2 == 0
     kept = hypotheses_among(drawn, chosen)
     for before, after in zip(drawn.sets, kept.sets, strict=True):
         own = chosen[before.subsets].all(axis=1)

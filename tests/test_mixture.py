@@ -1,4 +1,4 @@
-"""Long sequences by mean shift: modes start groups, a likelihood refines them."""
+"""Long sequences by mean shift: modes start groups, and a likelihood refines them."""
 
 from __future__ import annotations
 
@@ -48,13 +48,13 @@ def test_both_ranks_are_pooled(found) -> None:
     assert [entry.points.shape[-1] for entry in sets] == [3, 4]
 
 
-def test_bodies_are_found(found) -> None:
+def test_motions_are_found(found) -> None:
     labels, _, segmentation = found
     assert misclassification(segmentation.labels, labels) <= 0.02
     assert len(segmentation.motions) == 3
 
 
-def test_motions_name_modes_of_their_own(found) -> None:
+def test_each_motion_has_its_own_mode(found) -> None:
     _, _, segmentation = found
     named = [(mode.set_index, mode.motion) for mode in segmentation.modes if mode.motion]
     assert len(named) == len(set(named))
@@ -63,7 +63,7 @@ def test_motions_name_modes_of_their_own(found) -> None:
         assert (segmentation.labels[motion.inliers] == motion.label).all()
 
 
-def test_a_wild_track_is_an_outlier() -> None:
+def test_an_irregular_track_is_an_outlier() -> None:
     points, _ = rigid_bodies(np.random.default_rng(6), sizes=(90, 60))
     points[3] += np.random.default_rng(0).normal(0, 30, points[3].shape)
     rng = np.random.default_rng(0)
@@ -71,7 +71,7 @@ def test_a_wild_track_is_an_outlier() -> None:
     assert segmentation.labels[3] == OUTLIER
 
 
-def test_refinement_mends_what_was_swapped(rng: np.random.Generator) -> None:
+def test_refinement_corrects_swapped_labels(rng: np.random.Generator) -> None:
     truth = np.repeat([0, 1], 60)
     components = rng.normal(size=(120, 12)) + 15 * truth[:, None]
     wrong = truth.copy()
@@ -80,8 +80,8 @@ def test_refinement_mends_what_was_swapped(rng: np.random.Generator) -> None:
     np.testing.assert_array_equal(found, truth)
 
 
-def test_a_track_is_judged_by_the_others(rng: np.random.Generator) -> None:
-    """(D + 5) ln(1 + q / 5) + ln|S| with q and |S| of the cloud fitted without the track."""
+def test_the_cost_of_a_track_is_given_the_others(rng: np.random.Generator) -> None:
+    """q and |S| are those of the distribution fitted without the track."""
     components = rng.normal(size=(40, 3)) * (9, 5, 3)
     everyone = np.ones((1, 40))
     with_itself = Likelihood(components, np.ones((40, 1))).track_costs(everyone)[0]
@@ -92,11 +92,11 @@ def test_a_track_is_judged_by_the_others(rng: np.random.Generator) -> None:
         assert with_itself[track] == pytest.approx(without[track], abs=0.15)
 
 
-def test_labels_are_predicted_by_the_company_of_the_others() -> None:
+def test_labels_are_predicted_by_tracks_of_the_same_modes() -> None:
     votes = np.repeat(np.eye(2), [3, 5], axis=0)
     members = np.array([[1, 1, 0, 0, 0, 0, 0, 0], [0, 0, 1, 1, 1, 1, 1, 1]], dtype=float)
     costs = Likelihood(np.zeros((8, 2)), votes).label_costs(members)
-    # of the two others in the mode of the first track, one has its label
+    # one of the two others in the mode of the first track has its label
     assert np.exp(-costs[0, 0]) == pytest.approx(0.98 * 0.5 + 0.02 * 2 / 8)
     # both others of the third track have another one
     assert np.exp(-costs[0, 2]) == pytest.approx(0.98 + 0.02 * 2 / 8)
@@ -110,7 +110,7 @@ def test_a_mode_of_one_track_predicts_nothing() -> None:
 
 @settings(max_examples=15, deadline=None)
 @given(st.integers(0, 10**6))
-def test_costs_do_not_know_the_order_of_tracks_or_the_axes(seed: int) -> None:
+def test_costs_do_not_depend_on_the_order_of_tracks_or_the_axes(seed: int) -> None:
     rng = np.random.default_rng(seed)
     components, labels = rng.normal(size=(50, 4)) * 20, rng.integers(0, 3, 50)
     labels[:3] = 0, 1, 2
@@ -122,30 +122,33 @@ def test_costs_do_not_know_the_order_of_tracks_or_the_axes(seed: int) -> None:
     assert Likelihood(components, votes).cost((labels + 1) % 3, 3.0) == pytest.approx(cost)
 
 
-def test_a_mode_that_holds_a_body_together_keeps_it_in_one_piece(rng: np.random.Generator) -> None:
-    """Two far halves of one background, and two small bodies near each other."""
+def test_a_common_mode_keeps_the_parts_of_an_object_together(rng: np.random.Generator) -> None:
+    """Two distant halves of one background, and two small objects near each other."""
     place = np.concatenate(
         [rng.normal(size=(60, 4)) * 4 + shift for shift in ((-18, 0, 0, 0), (18, 0, 0, 0))]
         + [rng.normal(size=(15, 4)) * 2 + shift for shift in ((0, 9, 0, 0), (0, -9, 0, 0))]
     )
     truth = np.repeat([0, 1, 2], [120, 15, 15])
     begin = [np.repeat([0, 1, 2, 3], [60, 60, 15, 15])]
-    nothing_known, held = np.full((150, 1), 1.0), np.eye(3)[truth]
-    split = partitions(Likelihood(place, nothing_known), begin)[3]
+    uninformative, common = np.full((150, 1), 1.0), np.eye(3)[truth]
+    split = partitions(Likelihood(place, uninformative), begin)[3]
     assert misclassification(split + 1, truth + 1) > 0.1
-    np.testing.assert_array_equal(partitions(Likelihood(place, held), begin)[3], truth)
+    np.testing.assert_array_equal(partitions(Likelihood(place, common), begin)[3], truth)
 
 
-def test_outliers_hide_no_body() -> None:
+def test_outliers_do_not_hide_a_motion() -> None:
     rng = np.random.default_rng(8)
     points, labels = rigid_bodies(rng)
-    wild = points[rng.choice(len(points), 18)] + rng.normal(0, 25, (18, *points.shape[1:]))
-    points, labels = np.concatenate([points, wild]), np.concatenate([labels, np.zeros(18, int)])
+    irregular = points[rng.choice(len(points), 18)] + rng.normal(0, 25, (18, *points.shape[1:]))
+    points, labels = (
+        np.concatenate([points, irregular]),
+        np.concatenate([labels, np.zeros(18, int)]),
+    )
     segmentation = cluster(points, mixture_of(sets_of(points, rng, 3)), motions=3, rng=rng)
     assert misclassification(segmentation.labels, labels) <= 0.02
 
 
-def test_mode_votes_name_the_mode_of_the_hypotheses_around_a_track() -> None:
+def test_mode_votes_are_those_of_the_hypotheses_near_a_track() -> None:
     points, labels = rigid_bodies(np.random.default_rng(5))
     apart = points + np.where(labels == 1, 0.0, 400.0 * labels)[:, None, None]
     rng = np.random.default_rng(1)
@@ -161,7 +164,7 @@ def test_mode_votes_name_the_mode_of_the_hypotheses_around_a_track() -> None:
     np.testing.assert_allclose(votes.vote_shares.sum(axis=1), 1.0)
     np.testing.assert_array_equal(votes.vote_shares.argmax(axis=1) + 1, labels)
     assert np.median(votes.misfit) < 0.5
-    # numbers of tracks that were left out shift the places of the others
+    # indices refer to all tracks, also if some were left out
     kept = np.flatnonzero(everyone % 7 > 0)
     observed_set = ObservedSet.of(apart[kept], entry)
     problem = SelectionProblem(

@@ -1,4 +1,4 @@
-"""Laws of every motion model, over the registry; and facts of each one."""
+"""Laws that hold for every registered motion model, and properties of single models."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ NAMES = [*models.MODELS, *models.EVIDENCE]
 
 
 def laws_of(name):
-    """The models of a name that the laws run over: every rank where there are ranks."""
+    """The models of a name that the laws are tested on: every rank of a model with ranks."""
     kind = models.class_named(name)
     frames = 2 if kind.max_frames == 2 else 5
     ranks = (3, 4) if kind.has_ranks else (3,)
@@ -114,8 +114,8 @@ def test_tracks_without_weight_do_not_matter(model, scene, rng):
     assert model.residuals(fitted, observed, normalization)[0, 8:].max() < 1e-6
 
 
-def test_every_motion_may_have_tracks_of_its_own(model, scene, rng):
-    """Fits to and residuals of [B, n, F, 2] are those of all tracks, the others without weight."""
+def test_each_motion_may_have_its_own_tracks(model, scene, rng):
+    """Tracks [B, n, F, 2] have the fits and residuals of all tracks with the others at weight 0."""
     points, normalization, _ = scene
     observed = model.observe(points + rng.normal(0.0, 0.3, points.shape), normalization)
     own = np.stack([rng.permutation(TRACKS)[:12] for _ in range(5)])
@@ -142,9 +142,9 @@ def test_order_of_tracks_does_not_matter(model, scene, rng):
     np.testing.assert_allclose(two, one[:, order], rtol=1e-5, atol=1e-7)
 
 
-def test_residuals_are_pixels_whatever_the_size_of_the_picture(model, scene, rng):
+def test_residuals_scale_with_the_image(model, scene, rng):
     if model.needs_camera:
-        pytest.skip("a camera's picture has its size")
+        pytest.skip("the size of the image is that of the camera")
     points, _, _ = scene
     points = points + rng.normal(0.0, 0.5, points.shape)
     rows = []
@@ -162,7 +162,7 @@ def test_noise_has_the_stated_dimension(model, scene, rng):
     sigma, squares = 0.01, []
     for _ in range(60):
         noisy = points.copy()
-        # a model that takes the first view as given has the noise of the second
+        # a model that predicts points takes the first view as exact
         first = 0 if model.leaves_parallax_free else 1
         noisy[:, first:] += rng.normal(0.0, sigma, noisy[:, first:].shape)
         residuals = model.residuals(true, model.observe(noisy, normalization), normalization)
@@ -170,14 +170,14 @@ def test_noise_has_the_stated_dimension(model, scene, rng):
     assert np.mean(squares) == pytest.approx(model.residual_dimension * sigma**2, rel=0.1)
 
 
-def test_degenerate_subsets_are_unsound(model, scene):
+def test_degenerate_subsets_are_invalid(model, scene):
     _, _, observed = scene
     same = np.repeat(observed[:1], model.subset_size, axis=0)[None]
     _, valid = model.minimal_fit(same)
     assert not valid.any()
 
 
-def test_a_fit_to_too_few_tracks_is_no_failure(model, scene):
+def test_a_fit_to_too_few_tracks_does_not_fail(model, scene):
     _, _, observed = scene
     weights = np.zeros((2, TRACKS))
     weights[1, 0] = 1.0
@@ -185,26 +185,26 @@ def test_a_fit_to_too_few_tracks_is_no_failure(model, scene):
     assert points.shape == (2, *model.manifold.point_shape)
 
 
-def test_collinear_matches_make_no_affine_motion(rng):
+def test_collinear_matches_are_degenerate_for_affine(rng):
     line = np.linspace(0.0, 1.0, 3)[:, None] * [1.0, 2.0]
     _, valid = models.make("affine").minimal_fit(np.stack([line, line + 0.5], axis=1)[None])
     assert not valid.any()
 
 
-def test_reflections_and_wild_stretches_are_implausible():
-    flip, wild, half_turn = np.diag([1.0, -1.0]), np.diag([9.0, 1.0]), -np.diag([1.0, 1.1])
-    assert not is_plausible(np.stack([flip, wild, half_turn])).any()
+def test_reflections_and_extreme_stretches_are_implausible():
+    flip, stretch, half_turn = np.diag([1.0, -1.0]), np.diag([9.0, 1.0]), -np.diag([1.0, 1.1])
+    assert not is_plausible(np.stack([flip, stretch, half_turn])).any()
     assert is_plausible(np.array([[0.0, -1.0], [1.0, 0.0]]))
 
 
-def test_homography_that_turns_a_quadrangle_inside_out_is_unsound():
+def test_homography_that_reverses_a_quadrangle_is_invalid():
     square = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
     swapped = square[[0, 2, 1, 3]]
     _, valid = models.make("homography").minimal_fit(np.stack([square, swapped], axis=1)[None])
     assert not valid.any()
 
 
-def test_translation_obeys_equation_25(rng):
+def test_translation_satisfies_equation_25(rng):
     model = models.make("translation")
     points = model.example_tracks(rng, TRACKS)
     observed = model.observe(points, model.normalization(points, EXAMPLE_CAMERA))
@@ -212,12 +212,12 @@ def test_translation_obeys_equation_25(rng):
     np.testing.assert_allclose(constraint_rows(observed) @ fitted[0], 0.0, atol=1e-12)
 
 
-def test_translation_without_camera_says_so(rng):
+def test_translation_requires_a_camera(rng):
     with pytest.raises(ValueError, match="camera"):
         models.make("translation").normalization(rng.normal(size=(5, 2, 2)), None)
 
 
-def test_a_translation_goes_one_way_along_its_epipolar_lines(rng):
+def test_a_translation_has_one_direction_along_its_epipolar_lines(rng):
     model = models.make("translation")
     points = model.example_tracks(rng, TRACKS)
     normalization = model.normalization(points, EXAMPLE_CAMERA)
@@ -225,19 +225,19 @@ def test_a_translation_goes_one_way_along_its_epipolar_lines(rng):
     fitted, valid = model.fit(observed, np.ones((1, TRACKS)))
     assert valid.all()
     np.testing.assert_allclose(model.residuals(fitted, observed, normalization), 0.0, atol=1e-6)
-    # the same matches backwards lie on the same lines, but move towards the epipole
+    # reversed matches are on the same lines, but move towards the epipole
     backwards = observed[:, ::-1]
     moved = np.linalg.norm(points[:, 1] - points[:, 0], axis=1)
     behind = model.residuals(fitted, backwards, normalization)[0]
     assert (behind > 0.5 * moved).all()
-    # the other orientation of the same line in space is their motion
+    # their motion is the other orientation of the same point on G(3,1)
     other = model.orientations(fitted)[1:]
     np.testing.assert_allclose(model.residuals(other, backwards, normalization), 0.0, atol=1e-6)
-    turned, _ = model.fit(backwards, np.ones((1, TRACKS)))
-    np.testing.assert_allclose(turned, other, atol=1e-6)
+    reversed_fit, _ = model.fit(backwards, np.ones((1, TRACKS)))
+    np.testing.assert_allclose(reversed_fit, other, atol=1e-6)
 
 
-def test_displacements_are_what_a_translation_leaves_free(rng):
+def test_displacements_of_a_translation_are_along_its_epipolar_lines(rng):
     model = models.make("translation")
     points = model.example_tracks(rng, TRACKS)
     normalization = model.normalization(points, EXAMPLE_CAMERA)
@@ -286,7 +286,7 @@ def test_residuals_rank_exact_tracks_first(model, scene, rng):
     assert np.median(squares[TRACKS // 2 :]) > 1e-6
 
 
-def test_a_set_knows_its_model(model, scene, rng):
+def test_model_of_a_set(model, scene, rng):
     _, normalization, observed = scene
     chosen = subsets(model, rng, 5)
     found, _ = model.minimal_fit(observed[chosen])
@@ -296,24 +296,24 @@ def test_a_set_knows_its_model(model, scene, rng):
     again = models.of_set(entry)
     assert type(again) is type(model)
     assert again.manifold.name == model.manifold.name
-    for wrong, said in (
+    for wrong, message in (
         ({"model": "sphere"}, "no model is called 'sphere'"),
         ({"frames": (0,)}, "does not accept 1 frames"),
         ({"manifold": "euclidean(3)"}, "belongs to manifold"),
         ({"points": found[:, :1]}, "points have shape"),
     ):
-        with pytest.raises(DataError, match=said):
+        with pytest.raises(DataError, match=message):
             models.of_set(replace(entry, **wrong))
 
 
-def test_auto_means_models_that_accept_the_frames():
+def test_auto_selects_models_that_accept_the_frames():
     assert models.automatic(2) == ("affine", "homography")
     assert models.automatic(3) == models.automatic(40) == ("factorization",)
     for frames in (2, 3, 40):
         assert all(models.MODELS[name].accepts(frames) for name in models.automatic(frames))
 
 
-def test_registries_load_what_they_name():
+def test_registries_load_the_models_they_name():
     for name in NAMES:
         kind = models.class_named(name)
         assert kind.name == name

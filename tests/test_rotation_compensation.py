@@ -1,4 +1,4 @@
-"""The rotation of a camera that translates: found where it is there, and nowhere else."""
+"""The rotation of a camera that translates: estimated if there is one, and only then."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from mssegment.preprocessing.rotation_compensation import find_rotation
 FOCAL, CENTRE = np.array([CAMERA.fx, CAMERA.fy]), np.array([CAMERA.cx, CAMERA.cy])
 
 
-def turned_view(rng, degrees):
-    """Matches of a translating camera that also turns, most static, some of another body."""
+def rotated_view(rng, degrees):
+    """Matches of a camera that translates and rotates, most static, some of a moving object."""
     x = rng.uniform([0.0, 0.0], [640.0, 480.0], (200, 2))
     space = homogeneous((x - CENTRE) / FOCAL)
     space *= rng.uniform(4.0, 20.0, (200, 1))
@@ -29,16 +29,16 @@ def turned_view(rng, degrees):
 
 
 def test_the_rotation_of_the_camera_is_found(rng):
-    points, turn = turned_view(rng, 0.5)
+    points, turn = rotated_view(rng, 0.5)
     found = find_rotation(points, CAMERA, rng)
     assert found is not None
-    # it turns the second view back
+    # it maps the second view to the orientation of the first
     np.testing.assert_allclose(found.rotation @ turn, np.eye(3), atol=1e-3)
     assert found.share > 0.7
 
 
-def test_a_camera_that_only_translates_is_left_alone(rng):
-    points, _ = turned_view(rng, 0.0)
+def test_a_camera_that_only_translates_has_no_rotation(rng):
+    points, _ = rotated_view(rng, 0.0)
     found = find_rotation(points, CAMERA, rng)
     assert found is None or found.degrees < 0.05
 
@@ -48,8 +48,8 @@ def test_mismatches_have_no_rotation(rng):
     assert find_rotation(rng.uniform(0.0, 480.0, (4, 2, 2)), CAMERA, rng) is None
 
 
-def test_the_rotation_is_found_beside_a_large_moving_body(rng):
-    # 45 % of the matches are a body with a translation of its own
+def test_the_rotation_is_found_despite_a_large_moving_object(rng):
+    # 45 % of the matches are on an object with its own translation
     space = rng.uniform([-4.0, -2.0, 1.0], [4.0, 2.0, 1.0], (220, 3)) * rng.uniform(4, 20, (220, 1))
     space[:100] = rng.uniform([1.0, -0.5, 7.0], [3.0, 0.5, 8.0], (100, 3))
     turn = rotation(np.radians([0.1, 0.5, -0.1]))

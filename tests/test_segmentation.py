@@ -1,4 +1,4 @@
-"""From modes to motions: the inlier rule, dominance, the background, the paper's set-ups."""
+"""From modes to motions: inliers, dominance, background, and the scenes of the paper."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def segment(setup, seed, **options):
 
 
 @pytest.mark.parametrize("name", ["fig3", "fig4"])
-def test_the_papers_set_ups(name):
+def test_scenes_of_the_paper_are_segmented(name):
     outcomes = [run_scene(SETUPS[name], seed, "dominance", "object") for seed in range(4)]
     result = summarize(outcomes)
     assert result["mean_misclassification_given"] <= result["oracle"] + 0.01
@@ -42,14 +42,14 @@ def test_the_papers_set_ups(name):
     assert name in table({name: result})
 
 
-def test_translations_beat_no_segmentation_at_all():
+def test_translations_of_the_paper():
     result = summarize([run_scene(SETUPS["fig2"], s, "dominance", "object") for s in range(4)])
     assert result["mean_misclassification_given"] < 0.2
     assert result["oracle"] < 0.1
 
 
 @pytest.mark.parametrize("name", list(SETUPS))
-def test_scenes_are_as_the_paper_says(name):
+def test_scenes_are_those_of_the_paper(name):
     setup = SETUPS[name]
     scene = generate(setup, 7)
     sizes = np.bincount(scene.labels)
@@ -76,13 +76,13 @@ def test_a_segmentation_is_complete_and_consistent():
     assert assigned.shape == (len(sets[0].points),)
     counted = np.bincount(assigned[assigned >= 0], minlength=len(found.modes))
     assert counted.tolist() == [mode.hypotheses for mode in found.modes]
-    # an inlier lies nearest to its own motion
+    # the residual of an inlier is smallest for its own motion
     inlier = found.labels > 0
     own = found.residuals[found.labels[inlier] - 1, np.flatnonzero(inlier)]
     np.testing.assert_allclose(own, found.residuals[:, inlier].min(axis=0))
 
 
-def test_the_same_seed_gives_the_same_labels_whatever_the_threads():
+def test_the_labels_do_not_depend_on_the_number_of_threads():
     runs = [
         segment(SETUPS["fig4"], 1, rng=np.random.default_rng(4), threads=threads)[2]
         for threads in (1, 1, 2)
@@ -99,7 +99,7 @@ def test_the_number_of_motions_can_be_given():
         assert len(np.unique(found.labels[found.labels > 0])) == wanted
 
 
-def test_more_motions_than_modes_are_said_to_be_missing():
+def test_a_note_if_there_are_fewer_modes_than_motions():
     _, _, found = segment(SETUPS["fig4"], 2, motions=30)
     assert len(found.motions) < 30
     assert any("30 motions requested" in note for note in found.notes)
@@ -121,22 +121,22 @@ def test_background_and_short_tracks_keep_their_labels():
 
 
 @pytest.mark.parametrize("dimension", [1, 2, 7])
-def test_the_basin_ends_between_noise_and_the_rest(dimension, rng):
+def test_the_first_minimum_is_between_noise_and_the_rest(dimension, rng):
     noise = np.linalg.norm(rng.normal(0.0, 0.5, (60, dimension)), axis=1)
     rest = rng.uniform(30.0, 300.0, 100)
     cut = first_minimum(np.concatenate([noise, rest]), dimension, least=8)
     assert noise.max() * 0.8 < cut < 30.0
-    # it scales with the residuals
+    # it is proportional to the residuals
     scaled = first_minimum(10 * np.concatenate([noise, rest]), dimension, least=8)
     assert scaled == pytest.approx(10 * cut, rel=0.05)
 
 
-def test_a_sample_of_noise_alone_has_no_minimum(rng):
+def test_noise_alone_has_no_minimum(rng):
     assert np.isinf(first_minimum(np.abs(rng.normal(size=5)), 1, least=8))
     assert np.isinf(first_minimum(np.full(20, 0.3), 2, least=8))
 
 
-def test_the_limit_lies_where_noise_and_mismatches_are_equally_likely(rng):
+def test_the_limit_is_where_noise_and_mismatches_are_equally_likely(rng):
     model = models.make("affine")
     noise = np.linalg.norm(rng.normal(0.0, 0.5, (80, 2)), axis=1)
     limit = inlier_limit(np.concatenate([noise, rng.uniform(5.0, 200.0, 40)]), model)
@@ -151,17 +151,20 @@ def test_the_largest_gap(masses, count):
     assert largest_gap(np.array(masses, dtype=float), 0.1) == count
 
 
-def still_scene(rng, still, moving, shake=0.0):
-    """Tracks over 3 frames: a static background over the picture, and a body that moves."""
-    ground = np.repeat(rng.uniform(0.0, [640.0, 480.0], (still, 2))[:, None], 3, axis=1)
-    body = rng.uniform(100.0, 200.0, (moving, 2))[:, None] + np.arange(3)[:, None] * [9.0, 4.0]
-    points = np.concatenate([ground, body])
+def static_scene(rng, static, moving, shake=0.0):
+    """Tracks over 3 frames: a static background over the image, and a moving object."""
+    ground = np.repeat(rng.uniform(0.0, [640.0, 480.0], (static, 2))[:, None], 3, axis=1)
+    moving_object = rng.uniform(100.0, 200.0, (moving, 2))[:, None] + np.arange(3)[:, None] * [
+        9.0,
+        4.0,
+    ]
+    points = np.concatenate([ground, moving_object])
     return points + shake * np.array([[0.0, 0.0], [1.0, 0.5], [-0.5, 1.0]])
 
 
 @pytest.mark.parametrize("shake", [0.0, 1.2])
-def test_what_stands_still_under_a_static_camera_is_background(shake, rng):
-    points = still_scene(rng, 100, 60, shake) + rng.normal(0.0, 0.1, (160, 3, 2))
+def test_static_tracks_before_a_static_camera_are_background(shake, rng):
+    points = static_scene(rng, 100, 60, shake) + rng.normal(0.0, 0.1, (160, 3, 2))
     found = find_background(points, frame_size=SIZE)
     assert (found.status[:100] == BACKGROUND).all()
     assert (found.status[100:] == 0).all()
@@ -169,29 +172,29 @@ def test_what_stands_still_under_a_static_camera_is_background(shake, rng):
 
 
 def test_a_moving_camera_has_no_background(rng):
-    points = still_scene(rng, 100, 60) + np.arange(3)[:, None] * [15.0, 0.0]
+    points = static_scene(rng, 100, 60) + np.arange(3)[:, None] * [15.0, 0.0]
     found = find_background(points, frame_size=SIZE)
     assert (found.status == 0).all()
     assert any("moves" in note for note in found.notes)
 
 
-def test_a_body_that_stands_still_is_no_background(rng):
+def test_a_static_object_is_not_background(rng):
     points = np.concatenate(
-        [still_scene(rng, 0, 60), still_scene(rng, 60, 0) * 0.1, still_scene(rng, 60, 0)]
+        [static_scene(rng, 0, 60), static_scene(rng, 60, 0) * 0.1, static_scene(rng, 60, 0)]
     )
     points[120:] += np.arange(3)[:, None] * [15.0, 3.0]
     assert (find_background(points, frame_size=SIZE).status == 0).all()
 
 
 def test_background_can_be_forced_and_forbidden(rng):
-    points = still_scene(rng, 100, 60)
+    points = static_scene(rng, 100, 60)
     assert (find_background(points, frame_size=SIZE, remove=False).status == 0).all()
-    few = still_scene(rng, 5, 60)
+    few = static_scene(rng, 5, 60)
     assert (find_background(few, frame_size=SIZE, remove=True).status[:5] == BACKGROUND).all()
     assert find_background(np.zeros((0, 3, 2)), frame_size=SIZE).status.shape == (0,)
 
 
-def test_unknown_names_and_damaged_hypotheses():
+def test_unknown_names_and_invalid_hypotheses():
     scene, sets, _ = segment(SETUPS["fig4"], 0)
     with pytest.raises(UsageError, match="mld"):
         cluster(scene.points, sets, selection="mld")

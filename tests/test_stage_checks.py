@@ -1,4 +1,4 @@
-"""Documents that were changed by hand: every stage reads them or refuses them, in one line."""
+"""Documents edited by hand: every stage reads them, or rejects them in one line."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ def documents(tmp_path_factory: pytest.TempPathFactory) -> dict[str, bytes]:
 
 
 def places(value: Any, path: tuple[Any, ...] = ()) -> list[tuple[Any, ...]]:
-    """The path to everything inside a document; of a long list only its first three elements."""
+    """The paths to all values of a document; only the first three elements of a list."""
     if isinstance(value, dict):
         inside = list(value.items())
     elif isinstance(value, list):
@@ -83,7 +83,7 @@ ODD = st.sampled_from(
 )
 @given(data=st.data())
 @pytest.mark.parametrize("kind", COMMANDS)
-def test_a_document_changed_by_hand_is_read_or_refused_in_one_line(
+def test_an_edited_document_is_read_or_rejected_in_one_line(
     kind: str, documents: dict[str, bytes], data: st.DataObject
 ) -> None:
     content = json.loads(documents[kind])
@@ -117,25 +117,30 @@ def change(key: str, value: Any) -> Change:
 
 
 @pytest.mark.parametrize(
-    ("changed", "said"),
+    ("changed", "message"),
     [
         (change("model", "sphere"), "no model is called 'sphere'"),
         (change("model", "homography"), "belongs to manifold special_linear(3); found affine(2)"),
-        (change("model", "factorization"), "does not accept 2 frames"),
+        (change("model", "factorization"), "model factorization does not accept 2 frames"),
         (change("manifold", "sphere"), "no manifold is called 'sphere'"),
-        (change("manifold", "grassmann(3,1)"), "belongs to manifold affine(2); found grassmann(3,1)"),
+        (
+            change("manifold", "grassmann(3,1)"),
+            "manifold affine(2); found grassmann(3,1)",
+        ),
     ],
 )
-def test_a_set_must_fit_its_model(changed: Change, said: str, documents: dict[str, bytes]) -> None:
+def test_a_set_must_fit_its_model(
+    changed: Change, message: str, documents: dict[str, bytes]
+) -> None:
     content = json.loads(documents["hypotheses"])
     changed(content["sets"][0])
     document = decode(json.dumps(content).encode(), HypothesesDocument)
     with pytest.raises(DataError, match=r"sets\[0\]: ") as caught:
         check_sets(document.sets)
-    assert said in str(caught.value)
+    assert message in str(caught.value)
 
 
-def test_where_nothing_moves_there_is_no_motion_and_no_error(documents: dict[str, bytes]) -> None:
+def test_no_error_if_nothing_moves(documents: dict[str, bytes]) -> None:
     content = json.loads(documents["hypotheses"])
     content["status"] = [-1] * 40
     document = decode(json.dumps(content).encode(), HypothesesDocument)
@@ -144,14 +149,14 @@ def test_where_nothing_moves_there_is_no_motion_and_no_error(documents: dict[str
     assert (found.labels == -1).all()
 
 
-def test_too_few_tracks_are_no_standstill() -> None:
+def test_too_few_tracks_do_not_mean_that_nothing_moves() -> None:
     assert not nothing_moves(np.zeros(2, np.int64), ["affine"])
     assert nothing_moves(np.array([-1, -1, 0]), ["affine"])
     assert not nothing_moves(np.array([-1, 0, 0, 0, 0, 0]), ["affine", "homography"])
 
 
 @pytest.mark.parametrize("model", ["auto", "affine", "homography"])
-def test_mismatches_alone_hold_no_motion(model: str, tmp_path: Path) -> None:
+def test_mismatches_alone_have_no_motion(model: str, tmp_path: Path) -> None:
     places = np.random.default_rng(0).uniform(0, 480, (200, 4))
     rows = "\n".join(",".join(f"{value:.2f}" for value in row) for row in places)
     (tmp_path / "matches.csv").write_text(f"x1,y1,x2,y2\n{rows}\n")
@@ -161,10 +166,10 @@ def test_mismatches_alone_hold_no_motion(model: str, tmp_path: Path) -> None:
     report = json.loads((out / "report.json").read_text())
     assert report["motions"] == 0
     assert report["outliers"] == 200
-    assert any("share no motion" in note for note in report["notes"])
+    assert any("no common motion" in note for note in report["notes"])
 
 
-def test_two_equal_pictures_hold_no_motion(tmp_path: Path) -> None:
+def test_two_equal_images_have_no_motion(tmp_path: Path) -> None:
     picture = str(Path(__file__).parents[1] / "sample_data" / "affine" / "frame-1.png")
     assert invoke(["run", picture, picture, "--out", str(tmp_path / "out"), "-q"]) == 0
     report = json.loads((tmp_path / "out" / "report.json").read_text())

@@ -17,15 +17,15 @@ KITTI = Camera(721.5377, 721.5377, 609.5593, 172.854)
     ("clip", "frames", "motions"),
     [("Seq009_Clip03", (1, 6), 4), ("Seq013_Clip01", (1, 6), 2), ("Seq020_Clip01", (3, 6), 2)],
 )
-def test_cars_come_apart_from_the_street(data_folder, clip, frames, motions):
+def test_cars_are_separated_from_the_street(data_folder, clip, frames, motions):
     path = data_folder / "kt3dmoseg" / "tracks" / f"{clip}_Tracks.mat"
     if not path.exists():
-        pytest.skip("KT3DMoSeg is not there")
+        pytest.skip("KT3DMoSeg is not available")
     read_tracks = read(str(path)).tracks
     points = read_tracks.points[:, [f - 1 for f in frames]]
     seen = np.isfinite(points).all(axis=(1, 2)) & (read_tracks.labels >= 0)
-    pictures = [Frame(name, 1242, 375) for name in "ab"]
-    document = TracksDocument(frames=pictures, camera=KITTI, tracks=Tracks(points[seen]))
+    frame_list = [Frame(name, 1242, 375) for name in "ab"]
+    document = TracksDocument(frames=frame_list, camera=KITTI, tracks=Tracks(points[seen]))
     configuration = resolve(from_text(["hypothesize.model=translation"]))
     found = pipeline.cluster(pipeline.hypothesize(document, configuration), configuration)
     assert len(found.motions) == motions

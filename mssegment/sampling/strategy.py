@@ -10,7 +10,7 @@ from mssegment.models import Flags
 from mssegment.records import Camera, Floats, Hypotheses, Strategy, replace
 from mssegment.sampling.options import DEFAULTS, SamplingOptions
 
-LONG = 6
+LONG_SEQUENCE = 6
 """Number of frames from which on the modes of subspaces alone are not enough. On Hopkins155 thinned
 to 4-6 frames: consensus 0.0 %, modes 12-13 %; five frames, as in the paper, are short."""
 
@@ -43,7 +43,7 @@ def choose_strategy(method: str, selection: str, names: tuple[str, ...], frames:
     >>> choose_strategy("meanshift", "mdl", ("factorization",), frames=20)
     'mixture'
     """
-    long = frames >= LONG and has_ranks(names)
+    long = frames >= LONG_SEQUENCE and has_ranks(names)
     if method == "consensus" or (method == "auto" and long):
         return "consensus"
     return "mixture" if long and selection == "mdl" else "modes"
@@ -134,7 +134,7 @@ def draw(
         from mssegment.sampling.frame_pairs import draw_for_consensus
 
         return draw_for_consensus(points, rng, eligible=eligible, static=static, rank=options.rank)
-    if frames >= LONG and has_ranks(names):
+    if frames >= LONG_SEQUENCE and has_ranks(names):
         from mssegment.sampling.ranks import draw_all_ranks
 
         sets = draw_all_ranks(points, model=names[0], options=options, eligible=eligible, rng=rng)

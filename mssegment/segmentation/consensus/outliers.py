@@ -8,7 +8,7 @@ from mssegment.geometry.flats import extent, leave_one_out_residuals
 from mssegment.models import Flags
 from mssegment.records import Floats, Integers
 
-PRODUCT_LIMIT, RESIDUAL_OF_MEDIAN, MISFIT_OF_MEDIAN = 0.1, 6.0, 4.0
+PRODUCT_LIMIT, RESIDUAL_OF_MEDIAN, SECOND_MISFIT_OF_MEDIAN = 0.1, 6.0, 4.0
 """Second test, all three: misfit over extent times residual over the median residual of the motion;
 residual over the median residual of the motion; and misfit over the median misfit exceed these."""
 
@@ -50,6 +50,6 @@ def second_test(points: Floats, misfit: Floats, labels: Integers, factor: float)
         outliers[members] = (
             (product > factor * PRODUCT_LIMIT)
             & (relative > RESIDUAL_OF_MEDIAN)
-            & (misfit[members] > MISFIT_OF_MEDIAN * median_misfit)
+            & (misfit[members] > SECOND_MISFIT_OF_MEDIAN * median_misfit)
         )
     return outliers

@@ -21,7 +21,7 @@ from mssegment.segmentation.mdl.description import Description
 from mssegment.segmentation.selection import SelectionProblem
 from mssegment.special import distinct, median
 
-BORDER_NEIGHBOURS = 6
+FACE_NEIGHBOURS = 6
 """Nearest labelled neighbours of a track; those of another motion are across a border."""
 MIN_BORDER_TRACKS = 3
 """Smallest number of tracks on either side of a border."""
@@ -82,7 +82,7 @@ def continuous_pairs(
     """The pairs of motions, as indices into ``current``, that agree at their border."""
     tracks = np.flatnonzero(labels > 0)
     positions = problem.points[tracks, 0]
-    near = nearest_others(positions, BORDER_NEIGHBOURS)
+    near = nearest_others(positions, FACE_NEIGHBOURS)
     parallax = description.families[0].noise.parallax[tracks]
     found = []
     for a, b in combinations(range(len(current)), 2):
