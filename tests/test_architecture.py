@@ -7,7 +7,10 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
 import mssegment
+from mssegment.registry import EVIDENCE, MODELS
 
 ROOT = Path(mssegment.__file__).parent
 LAYERS = [
@@ -118,3 +121,64 @@ def test_help_imports_no_command_and_no_numbers() -> None:
     )
     loaded = set(process.stdout.splitlines()[-1].split())
     assert not loaded & {"numpy", "cv2", "scipy", "msgspec", "yaml", "rich", "mssegment.cli.run"}
+
+
+FORBIDDEN = {
+    "manifolds": {"scipy", "cv2"},
+    "geometry": {"mssegment.models", "mssegment.manifolds", "scipy", "cv2"},
+    "models": {"mssegment.sampling", "mssegment.segmentation", "mssegment.meanshift"},
+    "meanshift": {"mssegment.models", "mssegment.segmentation"},
+    "sampling": {"mssegment.segmentation", "mssegment.meanshift"},
+    "rendering": {"mssegment.segmentation", "mssegment.sampling"},
+}
+"""Package -> what it must not import, beyond the order of the layers."""
+
+
+@pytest.mark.parametrize("package", FORBIDDEN)
+def test_packages_leave_alone_what_they_do_not_need(package: str) -> None:
+    knows = [
+        f"{path.relative_to(ROOT)}: {name}"
+        for path in (ROOT / package).rglob("*.py")
+        for name in imports_of(path)
+        if any(name == each or name.startswith(f"{each}.") for each in FORBIDDEN[package])
+    ]
+    assert not knows
+
+
+def test_only_one_strategy_is_loaded_for_two_views() -> None:
+    """``segmentation`` decides by the strategy alone, and loads no other one."""
+    source = (ROOT / "segmentation" / "__init__.py").read_text()
+    eager = source.split("def cluster(")[0]
+    assert "consensus" not in eager.replace('"consensus"', "")
+    assert "mixture" not in eager.replace('"mixture"', "")
+
+
+@pytest.mark.parametrize("name", [*MODELS, *EVIDENCE])
+def test_no_code_asks_for_the_name_of_a_model(name: str) -> None:
+    """Models differ by their traits: no comparison with a model's name outside its own file."""
+    asks = [
+        f"{path.relative_to(ROOT)}:{node.lineno}"
+        for path in sources()
+        if path.stem != name
+        for node in ast.walk(ast.parse(path.read_text()))
+        if isinstance(node, ast.Compare)
+        and any(isinstance(side, ast.Constant) and side.value == name for side in ast.walk(node))
+    ]
+    assert not asks
+
+
+@pytest.mark.parametrize(
+    ("formula", "home"),
+    [
+        ("def sampson", "geometry/epipolar.py"),
+        ("def transfer", "geometry/projective.py"),
+        ("def damped_step", "geometry/levenberg_marquardt.py"),
+        ("cholesky", "geometry/robust.py"),
+        ("def geman_mcclure", "geometry/robust.py"),
+    ],
+)
+def test_each_formula_stands_once(formula: str, home: str) -> None:
+    where = {str(path.relative_to(ROOT)) for path in sources() if formula in path.read_text()} - {
+        "manifolds/base.py"
+    }
+    assert where == {home}

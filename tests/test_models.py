@@ -84,7 +84,9 @@ def test_minimal_fit_is_least_squares_on_the_subset(model, scene, rng):
     own = np.take_along_axis(
         model.residuals(minimal[both], observed, normalization), chosen[both], axis=1
     )
-    assert own.max() < 1e-5
+    # with as many equations as parameters the subset is met exactly
+    if model.subset_size * model.residual_dimension == model.parameters:
+        assert own.max() < 1e-5
     squared = model.manifold.dist(minimal[both], fitted[both]) ** 2
     assert np.median(squared) < 1e-9
 
