@@ -47,6 +47,7 @@ MANIFOLDS: Registry[Any] = Registry(
         "euclidean": "mssegment.manifolds.euclidean:Euclidean",
         "grassmann": "mssegment.manifolds.grassmann:Grassmann",
         "affine": "mssegment.manifolds.affine:AffineGroup",
+        "similarity": "mssegment.manifolds.sim2:Sim2",
         "special_linear": "mssegment.manifolds.sl3:SL3",
         "special_euclidean(2)": "mssegment.manifolds.se2:SE2",
         "special_euclidean(3)": "mssegment.manifolds.se3:SE3",
@@ -78,6 +79,7 @@ MODELS: Registry[Any] = Registry(
     "motion model",
     {
         "affine": "mssegment.models.affine:Affine",
+        "similarity": "mssegment.models.similarity:Similarity",
         "homography": "mssegment.models.homography:Homography",
         "translation": "mssegment.models.translation:Translation",
         "factorization": "mssegment.models.factorization:Factorization",
