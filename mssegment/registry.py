@@ -80,6 +80,7 @@ MODELS: Registry[Any] = Registry(
     {
         "affine": "mssegment.models.affine:Affine",
         "similarity": "mssegment.models.similarity:Similarity",
+        "rigid2d": "mssegment.models.rigid2d:Rigid2D",
         "homography": "mssegment.models.homography:Homography",
         "translation": "mssegment.models.translation:Translation",
         "factorization": "mssegment.models.factorization:Factorization",
