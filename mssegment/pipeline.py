@@ -197,6 +197,7 @@ def hypothesize(document: TracksDocument, configuration: Configuration) -> Hypot
         status=background.status,
         strategy=drawn.strategy,
         partition=drawn.partition,
+        log_nfa=drawn.log_nfa,
         sets=list(drawn.sets),
         history=[*document.history, entry_of("hypothesize", configuration, notes)],
     )

@@ -208,11 +208,15 @@ class Hypotheses(Record, frozen=True):
     partition : {"spectral", "normalized_cuts", "average_linkage"} or None
         How consensus groups the tracks: complete ones, incomplete ones, or those before a static
         camera; None for the other strategies.
+    log_nfa : ndarray [P] of float64, or None
+        Logarithm of the expected number of false alarms of each track (``sampling.chimeras``); from
+        0 on the track is an outlier. NaN where a track was not tested.
     """
 
     strategy: Strategy
     sets: tuple[HypothesisSet, ...]
     partition: Partition | None = None
+    log_nfa: Floats | None = None
 
 
 class Mode(Record, frozen=True):
@@ -261,6 +265,9 @@ class Motion(Record, frozen=True):
     cost_saved : float, optional
         Description length that the motion saves, in nats; None for a selection that does not
         compute it.
+    log_nfa : float, optional
+        Natural logarithm of the expected number of false alarms: of groups whose tracks move as
+        coherently among random walks (``sampling.chimeras``); None if it was not tested.
     """
 
     label: int
@@ -271,6 +278,7 @@ class Motion(Record, frozen=True):
     scale: float
     rms: float
     cost_saved: float | None = None
+    log_nfa: float | None = None
 
 
 class ClusterResult(Record, frozen=True):

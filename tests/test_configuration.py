@@ -212,7 +212,7 @@ def test_a_number_with_an_exponent_is_a_number() -> None:
 def test_the_descriptions_state_the_automatic_values_that_the_program_uses() -> None:
     from mssegment.imaging import corners
     from mssegment.imaging.matching import klt
-    from mssegment.sampling.strategy import LONG_SEQUENCE
+    from mssegment.sampling.strategy import CONSENSUS_FRAMES, LONG_SEQUENCE
 
     for key, phrase in (
         ("detect.levels", f"auto: {corners.LEVELS_TWO_VIEWS} or more for two views"),
@@ -226,7 +226,7 @@ def test_the_descriptions_state_the_automatic_values_that_the_program_uses() -> 
             "match.min_length",
             f"up to {corners.FEW_FRAMES} frames, otherwise {klt.MIN_TRACK_LENGTH}.",
         ),
-        ("cluster.method", f"factorization over {LONG_SEQUENCE} frames or more"),
-        ("hypothesize.rank", f"from {LONG_SEQUENCE} frames on"),
+        ("cluster.method", f"factorization over {CONSENSUS_FRAMES} frames or more"),
+        ("hypothesize.rank", f"fewer than {LONG_SEQUENCE} frames"),
     ):
         assert phrase in KEYS[key].description

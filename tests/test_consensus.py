@@ -20,8 +20,9 @@ from mssegment.sampling.frame_pairs import draw_for_consensus, draw_subsets
 from mssegment.sampling.strategy import choose_strategy
 from mssegment.segmentation import SegmentOptions
 from mssegment.segmentation.consensus import cluster_by_consensus, segment_by_consensus
+from mssegment.segmentation.consensus.border import border_contrast
 from mssegment.segmentation.consensus.coassociation import mark_best
-from mssegment.segmentation.consensus.model_order import border_contrast, group_cost
+from mssegment.segmentation.consensus.model_order import group_cost
 from mssegment.segmentation.consensus.spectral import embedding, partition, sharpen
 from tests.stages import cluster
 
@@ -195,7 +196,8 @@ def test_every_motion_is_a_point_on_a_manifold_and_has_a_mode(scene) -> None:
     ("method", "selection", "model", "frames", "strategy"),
     [
         ("auto", "mdl", "factorization", 20, "consensus"),
-        ("auto", "mdl", "factorization", 5, "modes"),
+        ("auto", "mdl", "factorization", 3, "consensus"),
+        ("auto", "dominance", "factorization", 5, "modes"),
         ("auto", "mdl", "affine", 2, "modes"),
         ("consensus", "mdl", "affine", 2, "consensus"),
         ("meanshift", "mdl", "factorization", 50, "mixture"),

@@ -158,7 +158,8 @@ class HypothesizeSettings(Section, frozen=True):
         Auto | Annotated[int, Meta(ge=3, le=4)],
         Meta(
             description="Rank of a motion's subspace for model factorization: 3 for planar or "
-            "translating objects, 4 in general; auto: 3, and both ranks from 6 frames on."
+            "translating objects, 4 in general; auto: both, but 3 for method meanshift over fewer "
+            "than 6 frames."
         ),
     ] = "auto"
     count: Annotated[
@@ -184,8 +185,8 @@ class ClusterSettings(Section, frozen=True):
         Literal["auto", "meanshift", "consensus"],
         Meta(
             description="meanshift: motions from the modes, as in the paper; consensus: consensus "
-            "clustering of the tracks, for long sequences; auto: consensus for factorization over "
-            "6 frames or more, otherwise meanshift."
+            "clustering of the tracks; auto: consensus for factorization over 3 frames or more, "
+            "otherwise meanshift."
         ),
     ] = "auto"
     bandwidth: Annotated[

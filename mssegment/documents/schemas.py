@@ -162,6 +162,8 @@ class HypothesesDocument(Document, frozen=True, tag="mssegment/hypotheses/2"):
         The hypotheses.
     partition : str or None
         How consensus groups the tracks; None for the other strategies.
+    log_nfa : ndarray [P] of float64, or None
+        Logarithm of the expected number of false alarms of each track; from 0 on it is an outlier.
     """
 
     kind: ClassVar[str] = "hypotheses"
@@ -172,11 +174,12 @@ class HypothesesDocument(Document, frozen=True, tag="mssegment/hypotheses/2"):
     strategy: Strategy
     sets: list[HypothesisSet]
     partition: Partition | None = None
+    log_nfa: Floats | None = None
 
     @property
     def hypotheses(self) -> Hypotheses:
         """Strategy and sets as one record."""
-        return Hypotheses(self.strategy, tuple(self.sets), self.partition)
+        return Hypotheses(self.strategy, tuple(self.sets), self.partition, self.log_nfa)
 
     def __post_init__(self) -> None:
         """Raises ValueError if the arrays do not match the frames or each other."""
@@ -186,6 +189,8 @@ class HypothesesDocument(Document, frozen=True, tag="mssegment/hypotheses/2"):
         check_sets(self.sets, self.tracks, len(self.frames))
         if self.sets and (self.strategy == "consensus") != (self.partition is not None):
             raise ValueError(f"strategy is {self.strategy}, but partition is {self.partition}")
+        if self.log_nfa is not None:
+            check_shape(self.log_nfa, (len(self.tracks.points),), "log_nfa")
 
 
 class SegmentationDocument(Document, frozen=True, tag="mssegment/segmentation/2"):

@@ -5,12 +5,15 @@ from __future__ import annotations
 import numpy as np
 
 from mssegment.geometry.robust import geman_mcclure_weights
+from mssegment.neighbours import nearest_others
 from mssegment.records import Floats
 
 COMPONENTS = 12
 """Number of principal components of the tracks."""
 SPREAD = 160.0
 """``extent`` of the tracks after scaling: about that in pixels in a 640 x 480 image."""
+LOCAL_TRACKS = 14
+"""Nearest tracks to which a local flat is fitted, some more than its dimension needs."""
 FLAT_ROUNDS = 5
 """Rounds of reweighting of the principal components."""
 
@@ -34,6 +37,38 @@ def principal_components(points: Floats) -> Floats:
     vectors = (vectors - vectors.mean(axis=0)) * (SPREAD / extent(points))
     _, directions = np.linalg.eigh(vectors.T @ vectors)
     return np.asarray(vectors @ directions[:, : -COMPONENTS - 1 : -1])
+
+
+def local_residuals(vectors: Floats, around: int = LOCAL_TRACKS, dimension: int = 3) -> Floats:
+    """Residual vectors from the affine flats of the nearest other vectors.
+
+    Parameters
+    ----------
+    vectors : ndarray [n, d]
+        The vectors, for instance tracks.
+    around : int
+        Number of nearest other vectors to which each flat is fitted, by principal components.
+    dimension : int
+        Dimension of the flats.
+
+    Returns
+    -------
+    ndarray [n, d]
+        Residuals over sqrt(1 + leverage), so that each coordinate has the variance of the noise.
+    """
+    near = nearest_others(vectors, around)
+    others = vectors[near]
+    mean = others.mean(axis=1)
+    centred = others - mean[:, None]
+    values, axes = np.linalg.eigh(centred @ np.swapaxes(centred, 1, 2))
+    values, axes = values[:, -dimension:], axes[:, :, -dimension:]
+    known = np.maximum(values, 1e-12 * values[:, -1:] + 1e-300)
+    directions = np.swapaxes(centred, 1, 2) @ axes / np.sqrt(known)[:, None]
+    gap = vectors - mean
+    along = (gap[:, None] @ directions)[:, 0]
+    leverage = 1 / near.shape[1] + (along**2 / known).sum(axis=1)
+    residuals = gap - (directions @ along[..., None])[..., 0]
+    return np.asarray(residuals / np.sqrt(1 + leverage)[:, None])
 
 
 def leave_one_out_residuals(vectors: Floats, dimension: int = 3) -> Floats:

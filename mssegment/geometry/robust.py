@@ -43,11 +43,14 @@ class StudentT(Record, frozen=True):
         Logarithm of the determinant of each scatter matrix.
     weights : ndarray [G, P]
         Weights of the last reweighting; zero for vectors of other groups.
+    scatter : ndarray [G, D, D]
+        Scatter matrices, with the minimum spread.
     """
 
     squared: Floats
     log_det: Floats
     weights: Floats
+    scatter: Floats
 
 
 class StudentTFit:
@@ -92,12 +95,13 @@ class StudentTFit:
             scatter[:, self._upper[0], self._upper[1]] = moments
             scatter[:, self._upper[1], self._upper[0]] = moments
             scatter -= total[:, None, None] * mean[:, :, None] * mean[:, None, :]
-            lower = np.linalg.cholesky(scatter / sizes + self._min_spread**2 * np.eye(dimensions))
+            scatter = scatter / sizes + self._min_spread**2 * np.eye(dimensions)
+            lower = np.linalg.cholesky(scatter)
             whitened = np.linalg.inv(lower) @ (self._vectors.T - mean[:, :, None])
             squared = (whitened**2).sum(axis=1)
             weights = members * student_t_weights(squared, self._freedom, dimensions)
         log_det = 2 * np.log(np.diagonal(lower, axis1=1, axis2=2)).sum(axis=1)
-        return StudentT(squared, log_det, last_weights)
+        return StudentT(squared, log_det, last_weights, scatter)
 
 
 def hard_em(

@@ -281,6 +281,7 @@ def _motion_json(report: Report, motion: Motion) -> dict[str, Any]:
         "scale": _number(motion.scale),
         "rms": _number(motion.rms),
         "cost_saved": _number(motion.cost_saved),
+        "log_nfa": _number(motion.log_nfa),
         "true_motion": report.true_motion(motion.label),
         "parameters": _numbers(motion.parameters),
     }

@@ -30,6 +30,7 @@ from mssegment.records import (
     Partition,
     replace,
 )
+from mssegment.sampling.chimeras import log_false_alarms
 from mssegment.sampling.neighbourhoods import nearest_neighbours, random_subset
 from mssegment.sampling.validation import first_test, two_frame_misfit
 
@@ -118,19 +119,32 @@ def draw_for_consensus(
     tracks = random_subset(np.asarray(visible.any(axis=1)), MAX_GROUPED_TRACKS, rng)
     visible = visible & tracks[:, None]
     lengths = visible.sum(axis=1)
-    complete = visible.all(axis=1)
+    complete = np.asarray(visible.all(axis=1))
     partition: Partition
     if static:
         pairs, partition = _long_pairs(frames, lengths), "average_linkage"
         sets = _draw_pairs(points, visible, (Affine(),), pairs, HYPOTHESES_PER_LONG_PAIR, rng)
     elif complete.sum() >= max(MIN_COMPLETE_SHARE * tracks.sum(), MIN_SHARED_TRACKS):
         ranks, partition = (4, 3) if rank == "auto" else (rank,), "spectral"
-        sets = _draw_complete(points, visible, ranks, rng)
+        log_nfa = _tested(points, complete, rng)
+        visible = visible & ~(log_nfa >= 0)[:, None]
+        sets = []
+        if visible.all(axis=1).sum() >= MIN_SHARED_TRACKS:
+            sets = _draw_complete(points, visible, ranks, rng)
+        return Hypotheses("consensus", tuple(sets), partition, log_nfa)
     else:
         pairs, partition = _short_pairs(frames, lengths), "normalized_cuts"
         kinds = (Homography(), Fundamental())
         sets = _draw_pairs(points, visible, kinds, pairs, HYPOTHESES_PER_PAIR, rng)
     return Hypotheses("consensus", tuple(sets), partition)
+
+
+def _tested(points: Floats, complete: Flags, rng: np.random.Generator) -> Floats:
+    """Log numbers of false alarms [P] of the ``complete`` tracks [P]; NaN for the others."""
+    log_nfa = np.full(len(points), np.nan)
+    if points.shape[1] > 2:
+        log_nfa[complete] = log_false_alarms(points[complete], rng)
+    return log_nfa
 
 
 def _draw_complete(

@@ -10,9 +10,11 @@ from mssegment.models import Flags
 from mssegment.records import Camera, Floats, Hypotheses, Strategy, replace
 from mssegment.sampling.options import DEFAULTS, SamplingOptions
 
+CONSENSUS_FRAMES = 3
+"""Number of frames from which on consensus is the automatic choice. On Hopkins155 thinned to 4-6
+frames: consensus 0.0 %, modes 12-13 %."""
 LONG_SEQUENCE = 6
-"""Number of frames from which on the modes of subspaces alone are not enough. On Hopkins155 thinned
-to 4-6 frames: consensus 0.0 %, modes 12-13 %; five frames, as in the paper, are short."""
+"""Number of frames from which on mean shift needs a mixture; five frames are those of the paper."""
 
 
 def choose_strategy(method: str, selection: str, names: tuple[str, ...], frames: int) -> Strategy:
@@ -22,7 +24,7 @@ def choose_strategy(method: str, selection: str, names: tuple[str, ...], frames:
     ----------
     method : {"auto", "meanshift", "consensus"}
         ``cluster.method``. By mean shift, long sequences of models with ranks are segmented by a
-        mixture, unless the selection is that of the paper.
+        mixture. The selection of the paper needs its modes, unless ``method`` is consensus.
     selection : str
         ``segment.selection``; ``dominance`` is that of the paper.
     names : tuple of str
@@ -43,10 +45,13 @@ def choose_strategy(method: str, selection: str, names: tuple[str, ...], frames:
     >>> choose_strategy("meanshift", "mdl", ("factorization",), frames=20)
     'mixture'
     """
-    long = frames >= LONG_SEQUENCE and has_ranks(names)
-    if method == "consensus" or (method == "auto" and long):
+    if method == "consensus":
         return "consensus"
-    return "mixture" if long and selection == "mdl" else "modes"
+    if selection != "mdl" or not has_ranks(names):
+        return "modes"
+    if method == "auto" and frames >= CONSENSUS_FRAMES:
+        return "consensus"
+    return "mixture" if frames >= LONG_SEQUENCE else "modes"
 
 
 USED_ONLY_BY: dict[str, tuple[Strategy, ...]] = {

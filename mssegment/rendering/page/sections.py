@@ -51,6 +51,8 @@ def motions_html(report: Report) -> str:
     header += ["largest residual (px)"]
     saves = any(motion.cost_saved is not None for motion in report.motions)
     header += ["description length saved (nats)"] if saves else []
+    tested = any(motion.log_nfa is not None for motion in report.motions)
+    header += ["log false alarms (nats)"] if tested else []
     header += ["true motion"] if report.evaluation else []
     rows = []
     for motion in report.motions:
@@ -68,6 +70,7 @@ def motions_html(report: Report) -> str:
             fixed(float(own.max()) if len(own) else None, 2),
         ]
         cells += [fixed(motion.cost_saved, 1)] if saves else []
+        cells += [fixed(motion.log_nfa, 1)] if tested else []
         if report.evaluation:
             true = report.true_motion(motion.label)
             cells.append("none" if true is None else str(true))

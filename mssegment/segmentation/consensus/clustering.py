@@ -18,6 +18,7 @@ from mssegment.records import (
     Integers,
     Record,
 )
+from mssegment.sampling.chimeras import log_false_alarms_of_group
 from mssegment.sampling.observed import ObservedSet
 from mssegment.sampling.validation import (
     Misfit,
@@ -43,6 +44,12 @@ tracks: smaller groups are outliers that agree by chance. (What crosses the imag
 incomplete tracks.)"""
 
 
+WALKS_NOTE = (
+    "{count} group(s) of tracks move no more coherently than random walks and are not motions; set "
+    "segment.motions or segment.min_motions to keep them"
+)
+
+
 class Consensus(Record, frozen=True):
     """The groups of tracks.
 
@@ -53,12 +60,16 @@ class Consensus(Record, frozen=True):
         too briefly.
     misfit : ndarray [P]
         The ``Misfit`` of each track in pixels.
+    log_nfa : tuple of float
+        Logarithm of the number of false alarms of each group, as ``Motion.log_nfa``; empty if the
+        groups were not tested.
     notes : tuple of str
         Notes for the user.
     """
 
     labels: Integers
     misfit: Floats
+    log_nfa: tuple[float, ...] = ()
     notes: tuple[str, ...] = ()
 
 
@@ -68,7 +79,7 @@ def cluster_by_consensus(
     rng: np.random.Generator,
     *,
     motions: int | None = None,
-    min_motions: int = 1,
+    min_motions: int = 0,
     eligible: Flags | None = None,
 ) -> Consensus:
     """Group tracks that agree on hypotheses.
@@ -121,7 +132,31 @@ def cluster_by_consensus(
     )
     grouped, groups = cluster(points, coassociations.kinds, misfit, bounds, rng)
     labels[grouped] = groups
-    return Consensus(_by_size(labels), misfit)
+    labels = _by_size(labels)
+    if hypotheses.partition != "spectral" or points.shape[1] < 3:
+        return Consensus(labels, misfit)
+    log_nfa = _log_false_alarms(points, labels, rng)
+    notes: tuple[str, ...] = ()
+    if not motions and not min_motions:
+        # a number of motions that the user gives is a fact
+        dropped = np.flatnonzero(log_nfa >= 0) + 1
+        labels = _by_size(np.where(np.isin(labels, dropped), OUTLIER, labels))
+        log_nfa = log_nfa[log_nfa < 0]
+        if len(dropped):
+            notes = (WALKS_NOTE.format(count=len(dropped)),)
+    return Consensus(labels, misfit, tuple(log_nfa.tolist()), notes)
+
+
+def _log_false_alarms(points: Floats, labels: Integers, rng: np.random.Generator) -> Floats:
+    """Log numbers of false alarms of the groups 1..m, as random walks, [m]."""
+    complete = np.isfinite(points).all(axis=(1, 2))
+    groups = range(1, int(labels.max(initial=0)) + 1)
+    return np.array(
+        [
+            log_false_alarms_of_group(points[complete & (labels == label)], MAX_MOTIONS, rng)
+            for label in groups
+        ]
+    )
 
 
 def _cluster_static(
@@ -151,7 +186,8 @@ def _cluster_complete(
     def spectral_clustering(chosen: Integers) -> SpectralClustering:
         block = np.ix_(chosen, chosen)
         agreements = {name: np.asarray(kind.mean[block], float) for name, kind in kinds.items()}
-        return SpectralClustering(points[chosen], agreements, bounds[1], rng)
+        smallest = max(MIN_GROUP_SIZE, MIN_GROUP_SHARE * len(chosen))
+        return SpectralClustering(points[chosen], agreements, bounds[1], smallest, rng)
 
     complete, labels = _without_small_groups(
         tracks[is_complete[tracks]], spectral_clustering, bounds, MIN_GROUP_SHARE

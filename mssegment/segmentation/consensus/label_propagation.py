@@ -22,7 +22,12 @@ from mssegment.records import (
 )
 from mssegment.sampling.frame_pairs import MAX_GROUPED_TRACKS
 from mssegment.sampling.observed import ObservedSet
-from mssegment.sampling.validation import limit_factor, misfit_limit, two_frame_misfit
+from mssegment.sampling.validation import (
+    FEW_OUTLIERS_SHARE,
+    limit_factor,
+    misfit_limit,
+    two_frame_misfit,
+)
 from mssegment.segmentation.consensus.clustering import Consensus
 from mssegment.segmentation.consensus.coassociation import marks_of
 
@@ -79,7 +84,8 @@ def propagate_labels(
         return np.full(len(points), OUTLIER)
     perspective = hypotheses.partition == "normalized_cuts"
     limit = misfit_limit(grouped, found.misfit, perspective=perspective)
-    limit *= limit_factor(found.misfit[np.isfinite(found.misfit)], limit)
+    if not _has_outliers(hypotheses):
+        limit *= limit_factor(found.misfit[np.isfinite(found.misfit)], limit)
     propagated = np.full(len(points), NOT_JUDGED)
     for start in range(0, len(points), TRACKS_PER_BATCH):
         rows = slice(start, start + TRACKS_PER_BATCH)
@@ -89,6 +95,14 @@ def propagate_labels(
         label = np.where(misfit > limit, OUTLIER, agreement.argmax(axis=1) + 1)
         propagated[rows] = np.where(agreement.any(axis=1), label, NOT_JUDGED)
     return propagated
+
+
+def _has_outliers(hypotheses: Hypotheses) -> bool:
+    """Whether the a-contrario test found more outliers than hardly any."""
+    if hypotheses.log_nfa is None:
+        return False
+    tested = hypotheses.log_nfa[~np.isnan(hypotheses.log_nfa)]
+    return bool(len(tested)) and float((tested >= 0).mean()) >= FEW_OUTLIERS_SHARE
 
 
 def _agreement(points: Floats, sets: Sequence[HypothesisSet], labels: Integers) -> Floats:

@@ -16,6 +16,7 @@ from mssegment.geometry.flats import principal_components
 from mssegment.geometry.robust import StudentT, StudentTFit, hard_em
 from mssegment.records import Floats, Integers
 from mssegment.segmentation.consensus.spectral import embedding, partition, sharpen
+from mssegment.segmentation.consensus.split_test import SplitTest
 
 MIN_SPREAD = 0.5
 """Standard deviation, in the units of the components, below which differences are not
@@ -27,12 +28,9 @@ MAX_REFINED_SHARE = 0.1
 """A refined partition is accepted if at most this share of the labels changes."""
 POWERS = (4, 6, 8)
 """Powers of the agreement that are partitioned; the cost selects one."""
-MIN_DISTINCTNESS = 140.0
-"""Two groups are distinct if (cost of the union - cost of both) / sqrt(tracks) / cbrt(contrast
-at the border) exceeds this."""
-BORDER_NEIGHBOURS, BORDER_FRACTION = 8, 4
-"""Neighbours of a track across the border; the border is 1 / BORDER_FRACTION of the smaller
-group."""
+LOOK_AHEAD = 3
+"""Numbers of groups beyond the present one that are examined: one more group may cut a motion in
+two where two more find the next one."""
 MIN_GROUP_SIZE = 5
 """Smallest number of tracks of a group."""
 
@@ -75,43 +73,6 @@ def refine(components: Floats, labels: Integers) -> Integers:
     return hard_em(labels, costs, EM_ROUNDS, MIN_GROUP_SIZE)
 
 
-def border_contrast(
-    agreement: Floats, distances: Floats, first: Integers, second: Integers
-) -> float:
-    """How well two groups agree at their border, relative to the agreement within a group.
-
-    The agreement of tracks with neighbours across the border is compared with that of tracks of one
-    group at the same distance, for the quarter of the smaller group that is nearest to the other.
-
-    Parameters
-    ----------
-    agreement : ndarray [P, P]
-        Agreement of pairs of tracks.
-    distances : ndarray [P, P]
-        Distances of their positions, in pixels.
-    first, second : ndarray of int
-        The tracks of the two groups.
-
-    Returns
-    -------
-    float
-        About 1 inside one object, near 0 between two.
-    """
-    small, large = (first, second) if len(first) <= len(second) else (second, first)
-    across = distances[np.ix_(small, large)]
-    count = min(BORDER_NEIGHBOURS, len(large))
-    neighbours = np.argpartition(across, count - 1, axis=1)[:, :count]
-    distance = np.take_along_axis(across, neighbours, axis=1).mean(axis=1)
-    border = distance.argsort(kind="stable")[: max(MIN_GROUP_SIZE, len(small) // BORDER_FRACTION)]
-    between = agreement[small[border][:, None], large[neighbours[border]]].mean()
-    within = np.abs(distances[np.ix_(small[border], small)] - distance[border, None])
-    within[np.arange(len(border)), border] = np.inf
-    count = min(BORDER_NEIGHBOURS, len(small) - 1)
-    neighbours = np.argpartition(within, count - 1, axis=1)[:, :count]
-    inside = agreement[small[border][:, None], small[neighbours]].mean()
-    return float((between + 1e-3) / (inside + 1e-3))
-
-
 class SpectralClustering:
     """Partitions of complete tracks into 1, 2, 3, ... groups, and the choice among them.
 
@@ -123,6 +84,8 @@ class SpectralClustering:
         Mean agreement for each model.
     most : int
         Largest number of groups.
+    smallest : float
+        Fewest tracks of a motion.
     rng : numpy.random.Generator
         Source of random numbers.
     """
@@ -132,8 +95,10 @@ class SpectralClustering:
         points: Floats,
         agreements: Mapping[str, Floats],
         most: int,
+        smallest: float,
         rng: np.random.Generator,
     ) -> None:
+        self._smallest = smallest
         self._pairwise = next(iter(agreements.values()))
         combined = np.mean(list(agreements.values()), axis=0)
         self._components = principal_components(points)
@@ -143,8 +108,9 @@ class SpectralClustering:
             np.maximum(square[:, None] + square - 2 * position @ position.T, 0)
         )
         self._vectors = [embedding(sharpen(combined, power), most) for power in POWERS]
-        self._rng = rng
+        self._points, self._rng = points, rng
         self._best: dict[int, Integers] = {}
+        self._tests: dict[bool, SplitTest] = {}
 
     def best(self, groups: int) -> Integers:
         """The partition of least cost into ``groups``, labels 0..groups-1 [P]."""
@@ -162,27 +128,37 @@ class SpectralClustering:
         return found if similar else labels
 
     def count(self, least: int, most: int) -> int:
-        """The number of groups: groups are added as long as all of them are distinct."""
+        """The number of groups: more are made as long as all of them are apart.
+
+        Groups of fewer than ``smallest`` tracks are outliers, which do not count.
+        """
         groups = least
         while groups < most:
-            if self.distinctness(self.best(groups + 1), groups + 1) <= MIN_DISTINCTNESS:
+            ahead = range(groups + 1, min(groups + LOOK_AHEAD, most) + 1)
+            single = len(self._large(groups)) <= 1
+            apart = (
+                n
+                for n in ahead
+                if len(self._large(n)) > len(self._large(groups))
+                and self.least_ratio(n, single=single) > 1
+            )
+            found = next(apart, None)
+            if found is None:
                 break
-            groups += 1
+            groups = found
         return groups
 
-    def distinctness(self, labels: Integers, groups: int) -> float:
-        """Distinctness of the two most similar groups; 0 if a group is too small."""
+    def _large(self, groups: int) -> list[Integers]:
+        """The tracks of each group that is no outlier, in the partition into ``groups``."""
+        labels = self.best(groups)
         members = [np.flatnonzero(labels == group) for group in range(groups)]
-        if min(map(len, members)) < MIN_GROUP_SIZE:
-            return 0.0
-        return min(self._pair_distinctness(*pair) for pair in combinations(members, 2))
+        return [own for own in members if len(own) >= self._smallest]
 
-    def _pair_distinctness(self, first: Integers, second: Integers) -> float:
-        """Distinctness of two groups, given as indices of tracks."""
-        union = np.concatenate([first, second])
-        total = len(union)
-        saved = group_cost(self._components[union], total) - sum(
-            group_cost(self._components[group], total) for group in (first, second)
-        )
-        contrast = border_contrast(self._pairwise, self._distances, first, second)
-        return float(max(saved, 0.0) / np.sqrt(total) / np.cbrt(contrast))
+    def least_ratio(self, groups: int, *, single: bool) -> float:
+        """``SplitTest.ratio`` of the most similar large groups."""
+        if single not in self._tests:
+            self._tests[single] = SplitTest(
+                self._points, self._pairwise, self._distances, single=single
+            )
+        test = self._tests[single]
+        return min(test.ratio(*pair) for pair in combinations(self._large(groups), 2))

@@ -18,8 +18,8 @@ import numpy as np
 
 from mssegment.geometry.robust import relabelled
 from mssegment.records import Floats, Integers
+from mssegment.segmentation.consensus.border import border_contrast
 from mssegment.segmentation.consensus.coassociation import Coassociation
-from mssegment.segmentation.consensus.model_order import border_contrast
 from mssegment.segmentation.consensus.spectral import embedding, partition, sharpen
 
 POWERS = (3, 4, 6)

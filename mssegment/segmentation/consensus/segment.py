@@ -25,9 +25,10 @@ from mssegment.records import (
     Integers,
     Mode,
     Motion,
+    replace,
 )
 from mssegment.sampling.observed import ObservedSet
-from mssegment.segmentation.consensus.clustering import cluster_by_consensus
+from mssegment.segmentation.consensus.clustering import Consensus, cluster_by_consensus
 from mssegment.segmentation.consensus.label_propagation import (
     hypotheses_among,
     propagate_labels,
@@ -82,7 +83,8 @@ def segment_by_consensus(
         If the hypotheses were not drawn for consensus, or apply to too few tracks.
     """
     eligible = status == OUTLIER
-    labels, notes = _labels(points, hypotheses, eligible, options, rng)
+    labels, found = _labels(points, hypotheses, eligible, options, rng)
+    significance = dict(enumerate(found.log_nfa, start=1))
     labels = np.where(eligible, labels, status).astype(np.int64)
     count = int(labels.max(initial=0))
     observed_sets = [ObservedSet.of(points, one) for one in hypotheses.sets]
@@ -90,16 +92,16 @@ def segment_by_consensus(
     residuals = np.full((count, len(points)), np.nan)
     for label in range(1, count + 1):
         motion, residuals[label - 1] = _motion(label, observed_sets, labels)
-        motions.append(motion)
-    found = _modes(hypotheses.sets, motions, labels, options, rng)
+        motions.append(replace(motion, log_nfa=significance.get(label)))
+    ranked = _modes(hypotheses.sets, motions, labels, options, rng)
     return ClusterResult(
         labels=labels,
-        modes=found.modes,
+        modes=ranked.modes,
         motions=tuple(motions),
-        bandwidths=found.bandwidths,
+        bandwidths=ranked.bandwidths,
         residuals=residuals,
-        assignments=found.assignments,
-        notes=(*notes, MODE_NOTE) if count else notes,
+        assignments=ranked.assignments,
+        notes=(*found.notes, MODE_NOTE) if count else found.notes,
     )
 
 
@@ -109,8 +111,10 @@ def _labels(
     eligible: Flags,
     options: SegmentOptions,
     rng: np.random.Generator,
-) -> tuple[Integers, tuple[str, ...]]:
-    """Labels [P] of the eligible tracks, some by grouping, the others by propagation; and notes."""
+) -> tuple[Integers, Consensus]:
+    """Labels [P] of the eligible tracks, by grouping or propagation; and the groups."""
+    if hypotheses.log_nfa is not None:
+        eligible = eligible & ~(hypotheses.log_nfa >= 0)
     grouped = tracks_to_group(eligible, hypotheses.sets)
     among = hypotheses_among(hypotheses, grouped)
     found = cluster_by_consensus(
@@ -121,7 +125,7 @@ def _labels(
     others = eligible & ~grouped
     if others.any():
         labels[others] = propagate_labels(points[others], points[grouped], found, among)
-    return labels, found.notes
+    return labels, found
 
 
 def _motion(

@@ -1,0 +1,81 @@
+"""The split test: halves of one object are one, objects that move differently are two."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from moving_bodies import rigid_bodies
+
+from mssegment.geometry.flats import local_residuals
+from mssegment.segmentation.consensus.split_test import SplitTest, without_curvature
+
+
+def pairwise(points: np.ndarray, labels: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Perfect agreement within the labels, and the distances of the mean positions."""
+    place = points.mean(axis=1)
+    distances = np.linalg.norm(place[:, None] - place, axis=-1)
+    return (labels[:, None] == labels).astype(float), distances
+
+
+@pytest.mark.parametrize("frames", [3, 6, 20])
+@pytest.mark.parametrize("single", [True, False])
+def test_objects_are_apart_and_halves_of_one_are_not(frames: int, single: bool) -> None:
+    points, labels = rigid_bodies(np.random.default_rng(4), sizes=(70, 70), frames=frames)
+    first, second = (np.flatnonzero(labels == label) for label in np.unique(labels))
+    test = SplitTest(points, *pairwise(points, labels), single=single)
+    assert test.ratio(first, second) > 1
+    for own in (first, second):
+        place = points[own].mean(axis=1)
+        for axis in (0, 1):
+            left = place[:, axis] < np.median(place[:, axis])
+            assert test.ratio(own[left], own[~left]) < 1
+
+
+def test_the_ratio_is_symmetric_and_does_not_depend_on_the_order() -> None:
+    points, labels = rigid_bodies(np.random.default_rng(4), sizes=(50, 40), frames=8)
+    first, second = (np.flatnonzero(labels == label) for label in np.unique(labels))
+    test = SplitTest(points, *pairwise(points, labels), single=True)
+    ratio = test.ratio(first, second)
+    assert test.ratio(second, first) == pytest.approx(ratio, rel=1e-9)
+    shuffled = np.random.default_rng(0).permutation(first)
+    again = SplitTest(points, *pairwise(points, labels), single=True)
+    assert again.ratio(shuffled, second) == pytest.approx(ratio, rel=1e-9)
+
+
+def test_the_ratio_does_not_depend_on_the_unit() -> None:
+    points, labels = rigid_bodies(np.random.default_rng(5), sizes=(50, 40), frames=8)
+    first, second = (np.flatnonzero(labels == label) for label in np.unique(labels))
+    ratios = []
+    for scale in (1e-3, 1.0, 1e3):
+        moved = scale * points + 7.0 * scale
+        test = SplitTest(moved, *pairwise(moved, labels), single=True)
+        ratios.append(test.ratio(first, second))
+    np.testing.assert_allclose(ratios, ratios[0], rtol=1e-3)
+
+
+@pytest.mark.parametrize("noise", [0.1, 0.5, 2.0])
+def test_the_noise_is_measured(noise: float) -> None:
+    points, labels = rigid_bodies(np.random.default_rng(6), sizes=(150,), frames=12, noise=0.0)
+    points = points + np.random.default_rng(7).normal(0, noise, points.shape)
+    found = SplitTest(points, *pairwise(points, labels), single=True).noise
+    assert found == pytest.approx(noise, rel=0.2)
+
+
+def test_local_residuals_leave_the_vector_itself_out(rng: np.random.Generator) -> None:
+    vectors = rng.normal(size=(30, 3)) @ rng.normal(size=(3, 10))
+    np.testing.assert_allclose(local_residuals(vectors), 0.0, atol=1e-8)
+    vectors[4] += 50.0
+    assert np.linalg.norm(local_residuals(vectors)[4]) > 1.0
+    moved = local_residuals(np.delete(vectors, 4, axis=0))
+    np.testing.assert_allclose(moved, 0.0, atol=1e-8)
+
+
+def test_curvature_is_taken_out_and_nothing_else(rng: np.random.Generator) -> None:
+    place = rng.uniform(-100, 100, (60, 2))
+    place -= place.mean(axis=0)
+    level = rng.normal(size=(60, 3)) @ rng.normal(size=(3, 6))
+    noisy = level + rng.normal(0, 0.01, level.shape)
+    bend = (place**2 @ [1e-3, 2e-3])[:, None] * np.array([0.0, 0.0, 0.0, 1.0, 0.0, -2.0])
+    assert np.abs(bend).max() > 20
+    np.testing.assert_allclose(without_curvature(noisy + bend, place, 1.0), level, atol=0.1)
+    np.testing.assert_allclose(without_curvature(noisy, place, 1.0), level, atol=0.1)
