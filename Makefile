@@ -51,8 +51,9 @@ dist: $(VENV)/.extra-dist ## build sdist and wheel twice, and check that their b
 	@for file in dist/*.*; do cmp $$file dist/again/$${file##*/} || exit; done
 	@rm -r dist/again; ls -l dist
 
-pictures: $(VENV)/.installed ## make the pictures of the README anew
+pictures: $(VENV)/.extra-docs ## make the pictures of the README and of docs/why.md anew
 	$(BIN)/python -m docs.pictures
+	$(BIN)/python -m docs.pictures_why
 
 benchmarks: $(VENV)/.extra-$(EXTRAS) ## the paper's set-ups; see docs/benchmarks.md for the others
 	$(BIN)/python -m benchmarks.paper

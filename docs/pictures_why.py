@@ -1,0 +1,100 @@
+"""Draw the pictures of docs/why.md: ``python -m docs.pictures_why`` (needs matplotlib)."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.figure import Figure
+
+from benchmarks.unseen_scenes import Spec, generate
+from mssegment.records import Floats, Integers
+from mssegment.sampling.chimeras import LocalFlats, draw_chimeras, draw_walks
+from mssegment.segmentation.consensus.split_test import SplitTest
+
+mpl.rcParams.update({"svg.hashsalt": "mssegment", "font.size": 9, "axes.spines.top": False})
+mpl.rcParams.update({"axes.spines.right": False, "axes.spines.left": False})
+
+FOLDER = Path(__file__).parent / "pictures"
+FRAMES = 8
+SCENES = 60
+BLUE, ORANGE, GREY, GREEN = "#3b73b9", "#d9772b", "#8a8a8a", "#3d9155"
+
+
+def main() -> None:
+    """Writes docs/pictures/null.svg and docs/pictures/split.svg."""
+    draw_null(FOLDER / "null.svg")
+    draw_split(FOLDER / "split.svg")
+
+
+def draw_null(path: Path) -> None:
+    """Residuals of tracks, of outliers and of both null hypotheses."""
+    spec = Spec(FRAMES, (120, 80, 60), outliers=260, noise=0.5)
+    scene = generate(spec, np.random.default_rng(1))
+    rng = np.random.default_rng(0)
+    flats = LocalFlats(scene.points, rng)
+    own = flats.own_residuals()
+    chimeras = flats.residuals_of(draw_chimeras(scene.points, 500, rng))
+    inliers = scene.points[scene.labels > 0]
+    of_inliers = LocalFlats(inliers, rng)
+    walks = of_inliers.residuals_of(draw_walks(inliers, 500, rng))
+    rows = {
+        "tracks on an object": (own[scene.labels > 0], BLUE),
+        "outliers": (own[scene.labels == 0], ORANGE),
+        "chimeras": (chimeras, GREY),
+        "random walks": (walks, GREEN),
+    }
+    edges = np.geomspace(min(own.min(), walks.min()), 1.2 * chimeras.max(), 60)
+    figure = Figure(figsize=(6.4, 4.0))
+    axes = figure.subplots(len(rows), 1, sharex=True)
+    for axis, (name, (values, colour)) in zip(axes, rows.items(), strict=True):
+        axis.hist(values, edges.tolist(), color=colour)
+        axis.set(xscale="log", yticks=[])
+        axis.set_title(name, loc="left", fontsize=9, pad=2)
+    axes[-1].set_xlabel("residual from the best local flats (pixels)")
+    _save(figure, path)
+
+
+def draw_split(path: Path) -> None:
+    """R between two bodies, and between halves of one body, over random scenes.
+
+    Values below the scale are drawn at its left end.
+    """
+    apart, together = [], []
+    for seed in range(SCENES):
+        scene = generate(Spec(FRAMES, (70, 70), noise=0.5), np.random.default_rng([2, seed]))
+        agreement = (scene.labels[:, None] == scene.labels).astype(float)
+        place = scene.points.mean(axis=1)
+        gaps = np.linalg.norm(place[:, None] - place, axis=-1)
+        bodies = [np.flatnonzero(scene.labels == label) for label in (1, 2)]
+        test = SplitTest(scene.points, agreement, gaps, single=False)
+        apart.append(test.ratio(*bodies))
+        together += [test.ratio(*halves(body, place)) for body in bodies]
+    edges = np.geomspace(0.02, 60, 50)
+    figure = Figure(figsize=(6.4, 2.2))
+    axis = figure.subplots()
+    axis.hist(
+        np.clip(together, edges[0], None), edges.tolist(), color=ORANGE, label="halves of one body"
+    )
+    axis.hist(apart, edges.tolist(), color=BLUE, label="two bodies")
+    axis.axvline(1.0, color="black", linewidth=1)
+    axis.set(xscale="log", yticks=[], xlabel="R: what a split saves, over what its border costs")
+    axis.legend(frameon=False, loc="upper left")
+    _save(figure, path)
+
+
+def halves(body: Integers, place: Floats) -> tuple[Integers, Integers]:
+    """The tracks of a body left and right of its median track."""
+    left = place[body, 0] < np.median(place[body, 0])
+    return body[left], body[~left]
+
+
+def _save(figure: Figure, path: Path) -> None:
+    figure.tight_layout()
+    figure.savefig(path, transparent=False, metadata={"Date": None})
+    print(path)
+
+
+if __name__ == "__main__":
+    main()
