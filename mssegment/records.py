@@ -124,11 +124,14 @@ class Tracks(Record, frozen=True):
         estimates it.
     labels : ndarray [P] of int64, optional
         True labels, if known: 0 outlier, 1..n motions.
+    ids : tuple of str [P], optional
+        The names that the tracks have in the file they come from; None if it has none.
     """
 
     points: Floats
     affines: Floats | None = None
     labels: Integers | None = None
+    ids: tuple[str, ...] | None = None
 
     @property
     def visible(self) -> npt.NDArray[np.bool_]:
@@ -268,6 +271,23 @@ class Motion(Record, frozen=True):
     log_nfa : float, optional
         Natural logarithm of the expected number of false alarms: of groups whose tracks move as
         coherently among random walks (``sampling.chimeras``); None if it was not tested.
+    matrix : ndarray [3, 3] or [F, 3, 3] of float64, optional
+        The motion in pixels, least squares over the inliers. Two views: the map from the first to
+        the second, with last entry 1, as ``cv2.findHomography`` returns it. More views: the affine
+        map from the first frame that shows the motion to each frame; NaN where the inliers
+        determine none. None for ``translation``, which predicts no points. Points must be free of
+        lens distortion.
+    direction : ndarray [3] of float64, optional
+        ``translation``: the unit vector of the motion of the object relative to the camera, in the
+        coordinates of the first view (x right, y down, z forward).
+    epipole : ndarray [2] of float64, optional
+        ``translation``: the vanishing point of ``direction`` in the first view, in pixels; NaN
+        where it is at infinity.
+    basis : ndarray [F, 2, k] of float64, optional
+        ``factorization``: the subspace in pixels. The track with coefficients s [k] is
+        ``origin`` + ``basis`` s.
+    origin : ndarray [F, 2] of float64, optional
+        ``factorization``: see ``basis``.
     """
 
     label: int
@@ -279,6 +299,11 @@ class Motion(Record, frozen=True):
     rms: float
     cost_saved: float | None = None
     log_nfa: float | None = None
+    matrix: Floats | None = None
+    direction: Floats | None = None
+    epipole: Floats | None = None
+    basis: Floats | None = None
+    origin: Floats | None = None
 
 
 class ClusterResult(Record, frozen=True):

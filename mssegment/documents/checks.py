@@ -59,6 +59,10 @@ def check_tracks(tracks: Tracks, frames: int) -> None:
         check_reach(tracks.affines, "tracks.affines")
     if tracks.labels is not None:
         check_shape(tracks.labels, (count,), "tracks.labels")
+    if tracks.ids is not None and len(tracks.ids) != count:
+        raise ValueError(
+            f"tracks.ids has {len(tracks.ids)} entries; expected {count}, one per track"
+        )
 
 
 def check_status(status: Integers, tracks: Tracks) -> None:

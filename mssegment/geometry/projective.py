@@ -57,6 +57,36 @@ def transfer(
     return x, y, depth
 
 
+def in_pixels(matrices: Floats, centres: Floats, scale: float) -> Floats:
+    """Homographies between normalized views as homographies between views in pixels.
+
+    Parameters
+    ----------
+    matrices : ndarray [..., 3, 3]
+        Maps from view 1 to view 2 in coordinates (x - centre) / scale.
+    centres : ndarray [2, 2]
+        The origins of both views in pixels.
+    scale : float
+        Pixels per unit.
+
+    Returns
+    -------
+    ndarray [..., 3, 3]
+        The same maps in pixels. The last entry is 1, as OpenCV has it, unless it is 0.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> in_pixels(np.eye(3), np.array([[100.0, 50.0], [110.0, 54.0]]), 20.0)[:2, 2].tolist()
+    [10.0, 4.0]
+    """
+    into = np.array([[1.0, 0.0, -centres[0, 0]], [0.0, 1.0, -centres[0, 1]], [0.0, 0.0, scale]])
+    out = np.array([[scale, 0.0, centres[1, 0]], [0.0, scale, centres[1, 1]], [0.0, 0.0, 1.0]])
+    pixels = out @ matrices @ (into / scale)
+    last = pixels[..., 2:, 2:]
+    return np.asarray(pixels / np.where(last == 0.0, 1.0, last))
+
+
 def transfer_sq_error(
     matrices: Floats, start: Floats, end: Floats, min_depth: float = 1e-9
 ) -> Floats:

@@ -6,6 +6,7 @@ from typing import ClassVar
 
 import numpy as np
 
+from mssegment.geometry.projective import in_pixels
 from mssegment.manifolds import AffineGroup
 from mssegment.models.base import Flags, MotionModel, weighted_sums
 from mssegment.records import Floats, Normalization
@@ -103,6 +104,10 @@ class Affine(MotionModel):
             np.sqrt(x, out=x)
             x *= normalization.scale
         return errors
+
+    def in_pixels(self, point: Floats, normalization: Normalization) -> dict[str, Floats]:
+        """The ``matrix`` from view 1 to view 2."""
+        return {"matrix": in_pixels(point, normalization.centres, normalization.scale)}
 
     def _checked(self, linear: Floats, shift: Floats, valid: Flags) -> tuple[Floats, Flags]:
         points = np.zeros((len(linear), 3, 3))

@@ -256,6 +256,25 @@ class MotionModel(ABC):
         del points, observed, normalization
         return None
 
+    def in_pixels(self, point: Floats, normalization: Normalization) -> dict[str, Floats]:
+        """State one motion in pixels.
+
+        Parameters
+        ----------
+        point : ndarray
+            The motion, a point on the manifold.
+        normalization : Normalization
+            The normalization of the tracks.
+
+        Returns
+        -------
+        dict of str to ndarray
+            By field of ``records.Motion``: ``matrix``, or what describes a motion that predicts no
+            points. By default nothing.
+        """
+        del point, normalization
+        return {}
+
     def remarks(self, labels: Sequence[int], points: Floats) -> tuple[str, ...]:
         """Notes for the user on motions ``points`` [m, ...] with the given labels."""
         del labels, points

@@ -126,6 +126,11 @@ class Factorization(MotionModel):
             apart -= (vectors @ points[:, :, k].T) ** 2
         return np.asarray(np.maximum(apart, 0.0))
 
+    def in_pixels(self, point: Floats, normalization: Normalization) -> dict[str, Floats]:
+        """``basis`` and ``origin``: the subspace in pixels."""
+        basis = point.reshape(self.frames, 2, self.rank) * normalization.scale
+        return {"basis": basis, "origin": normalization.centres}
+
     def log_free_extent(self, observed: Floats, normalization: Normalization) -> float:
         """The position of a track in the first frame, and k - 2 more coordinates in the subspace.
 

@@ -9,6 +9,7 @@ import numpy as np
 from mssegment.geometry.projective import (
     homogeneous,
     homogeneous_rows,
+    in_pixels,
     transfer,
     transfer_sq_error,
 )
@@ -120,6 +121,10 @@ class Homography(MotionModel):
         inverse = np.asarray(np.linalg.inv(points))
         backward = transfer_sq_error(inverse, homogeneous_rows(second), first)
         return np.asarray((forward + backward).T)
+
+    def in_pixels(self, point: Floats, normalization: Normalization) -> dict[str, Floats]:
+        """The ``matrix`` from view 1 to view 2."""
+        return {"matrix": in_pixels(point, normalization.centres, normalization.scale)}
 
     def _checked(self, points: Floats, middle: Floats, valid: Flags) -> tuple[Floats, Flags]:
         """Scale to determinant one; valid if H is plausible around the point ``middle`` [B, 2]."""

@@ -18,7 +18,7 @@ from mssegment.geometry.projective import homogeneous
 from mssegment.geometry.rotations import rotate_rays, step_on_sphere
 from mssegment.manifolds import Grassmann
 from mssegment.models.base import EXAMPLE_CAMERA, Flags, MotionModel, drop_unweighted
-from mssegment.records import Camera, Floats, Integers, Normalization
+from mssegment.records import LARGEST_COORDINATE, Camera, Floats, Integers, Normalization
 
 MIN_SINE = 0.01
 """Smallest sine of the angle between the two rows; below it their cross product is noise."""
@@ -154,6 +154,15 @@ class Translation(MotionModel):
     ) -> Floats:
         """|t . (x1 x x2)| of equation (25), in normalized coordinates."""
         return np.asarray(np.abs(points[:, :, 0] @ constraint_rows(observed).T))
+
+    def in_pixels(self, point: Floats, normalization: Normalization) -> dict[str, Floats]:
+        """The ``direction``, and the ``epipole`` in the first view."""
+        direction = point[:, 0] / np.linalg.norm(point)
+        focal = normalization.scale * np.array([1.0, normalization.aspect])
+        with np.errstate(divide="ignore", invalid="ignore"):
+            epipole = normalization.centres[0] + focal * direction[:2] / direction[2]
+        far = not (np.abs(epipole) <= LARGEST_COORDINATE).all()
+        return {"direction": direction, "epipole": np.full(2, np.nan) if far else epipole}
 
     def remarks(self, labels: Sequence[int], points: Floats) -> tuple[str, ...]:
         """A warning about translations along the optical axis.

@@ -38,6 +38,8 @@ PictureOf = Callable[[int], Picture | None]
 """The picture of a frame by its index, or None where it is not available."""
 
 SCHEMA = "mssegment/report/1"
+IN_PIXELS = ("matrix", "direction", "epipole")
+"""The fields of a motion in pixels that ``report_json`` has."""
 
 
 def no_picture(index: int) -> None:
@@ -284,12 +286,18 @@ def _motion_json(report: Report, motion: Motion) -> dict[str, Any]:
         "log_nfa": _number(motion.log_nfa),
         "true_motion": report.true_motion(motion.label),
         "parameters": _numbers(motion.parameters),
+        **{name: _array(getattr(motion, name)) for name in IN_PIXELS},
     }
 
 
 def _number(value: float | None) -> float | None:
     """The value for JSON, which has neither NaN nor infinity."""
     return None if value is None or not np.isfinite(value) else float(value)
+
+
+def _array(values: Floats | None) -> list[Any] | None:
+    """An array as nested lists, None where there is none."""
+    return None if values is None else _numbers(values)
 
 
 def _numbers(values: Floats) -> list[Any]:

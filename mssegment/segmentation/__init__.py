@@ -7,6 +7,7 @@ import numpy as np
 from mssegment.errors import DataError, UsageError
 from mssegment.records import OUTLIER, ClusterResult, Floats, Hypotheses, Integers
 from mssegment.registry import SELECTIONS
+from mssegment.segmentation.in_pixels import with_pixels
 from mssegment.segmentation.mode_based import segment_by_modes
 from mssegment.segmentation.options import SegmentOptions, check_options
 from mssegment.segmentation.selection import Selection
@@ -77,10 +78,12 @@ def cluster(
     if hypotheses.strategy == "consensus":
         from mssegment.segmentation.consensus import segment_by_consensus
 
-        return segment_by_consensus(points, hypotheses, status=status, options=options, rng=rng)
+        found = segment_by_consensus(points, hypotheses, status=status, options=options, rng=rng)
+        return with_pixels(found, hypotheses.sets, points)
     select: Selection = SELECTIONS[options.selection]
     if hypotheses.strategy == "mixture":
         from mssegment.segmentation.mixture import mixture as select
-    return segment_by_modes(
+    found = segment_by_modes(
         points, hypotheses.sets, select=select, status=status, options=options, rng=rng
     )
+    return with_pixels(found, hypotheses.sets, points)
