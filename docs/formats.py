@@ -36,8 +36,8 @@ REPORT_FIELDS = {
     "motion_list": (
         "list of objects",
         "Each with `label`, `model`, `inliers`, `hypotheses`, `kde`, `scale` and `rms` (pixels), "
-        "`cost_saved` (nats), `log_nfa` (significance), `true_motion`, `parameters`, and the motion "
-        "in pixels: `matrix`, or `direction` and `epipole`.",
+        "`cost_saved` (nats), `log_nfa` (significance), `true_motion`, `parameters`, and the "
+        "motion in pixels: `matrix`, or `direction` and `epipole`.",
     ),
     "tracks": ("number", "Number of tracks."),
     "outliers": ("number", "How many have label 0."),
