@@ -33,6 +33,10 @@ REPORT_FIELDS = {
     "counted": ("number or null", "Tracks that the misclassification counts."),
     "true_motions": ("list of numbers, or null", "The labels of the rows of `confusion`."),
     "found_motions": ("list of numbers, or null", "The labels of its columns."),
+    "camera_motion": (
+        "number or null",
+        "The motion of the static world under a moving camera; null if there is none.",
+    ),
     "motion_list": (
         "list of objects",
         "Each with `label`, `model`, `inliers`, `hypotheses`, `kde`, `scale` and `rms` (pixels), "

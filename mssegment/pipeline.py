@@ -35,6 +35,7 @@ from mssegment.records import (
     Motion,
     Record,
     Strategy,
+    replace,
 )
 from mssegment.resources import Timings
 
@@ -243,7 +244,24 @@ def cluster(
         options=_segment_options(configuration, threads),
         rng=_random("cluster", configuration),
     )
-    return _segmentation(document, found, configuration)
+    return _segmentation(document, _with_camera(found, document, configuration), configuration)
+
+
+def _with_camera(
+    found: ClusterResult, document: HypothesesDocument, configuration: Configuration
+) -> ClusterResult:
+    """The result with the motion of the static world named, and a note that says so."""
+    settings = configuration.segment
+    # where each plane is a motion of its own, the static world has many
+    if not settings.camera_motion or settings.granularity == "surface":
+        return found
+    from mssegment.segmentation.camera_motion import find_camera_motion
+
+    label = find_camera_motion(document.tracks.points, found.labels, document.frames)
+    if label is None:
+        return found
+    note = f"motion {label} is that of the static world, seen by the moving camera"
+    return replace(found, camera_motion=label, notes=(*found.notes, note))
 
 
 def check_settings(configuration: Configuration, frames: int, threads: int = 1) -> None:
@@ -303,6 +321,7 @@ def _segmentation(
         notes=found.notes,
         residuals=found.residuals,
         assignments=found.assignments,
+        camera_motion=found.camera_motion,
         tracks=document.tracks,
         sets=document.sets,
         history=[*document.history, entry_of("cluster", configuration, found.notes)],

@@ -325,6 +325,8 @@ class ClusterResult(Record, frozen=True):
         For each set, the index of the mode that each hypothesis converges to; -1 for none.
     notes : tuple of str
         Notes for the user on decisions and limitations.
+    camera_motion : int or None
+        The label of the motion of the static world under a moving camera; None if it is not known.
     """
 
     labels: Integers
@@ -334,3 +336,4 @@ class ClusterResult(Record, frozen=True):
     residuals: Floats
     assignments: tuple[Integers, ...] = ()
     notes: tuple[str, ...] = ()
+    camera_motion: int | None = None

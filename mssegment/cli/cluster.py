@@ -26,6 +26,7 @@ KEYS = (
     "segment.motions",
     "segment.min_motions",
     "segment.granularity",
+    "segment.camera_motion",
     "seed",
 )
 

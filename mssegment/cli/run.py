@@ -33,7 +33,14 @@ if TYPE_CHECKING:
     from mssegment.cli.results import Results
     from mssegment.resources import Timings
 
-KEYS = ("hypothesize.model", "segment.motions", "camera.file", "report.labels", "seed")
+KEYS = (
+    "hypothesize.model",
+    "segment.motions",
+    "segment.camera_motion",
+    "camera.file",
+    "report.labels",
+    "seed",
+)
 _TRACK_FILES = (".csv", ".mat", ".json")
 
 

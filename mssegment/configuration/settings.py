@@ -221,6 +221,13 @@ class SegmentSettings(Section, frozen=True):
             "motion of its own; auto: surface if the planes found are flat, otherwise object."
         ),
     ] = "object"
+    camera_motion: Annotated[
+        bool,
+        Meta(
+            description="Under a moving camera, call the motion of the static world `camera`: that "
+            "of the tracks that are spread over the picture."
+        ),
+    ] = True
 
 
 class ReportSettings(Section, frozen=True):

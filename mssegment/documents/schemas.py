@@ -218,6 +218,8 @@ class SegmentationDocument(Document, frozen=True, tag="mssegment/segmentation/2"
         The tracks [P, F, 2].
     sets : list of HypothesisSet
         The sets of hypotheses.
+    camera_motion : int or None
+        The label of the motion of the static world under a moving camera; None if it is not known.
     """
 
     kind: ClassVar[str] = "segmentation"
@@ -233,6 +235,7 @@ class SegmentationDocument(Document, frozen=True, tag="mssegment/segmentation/2"
     assignments: tuple[Integers, ...]
     tracks: Tracks
     sets: list[HypothesisSet]
+    camera_motion: int | None = None
 
     @property
     def segmentation(self) -> ClusterResult:
@@ -245,6 +248,7 @@ class SegmentationDocument(Document, frozen=True, tag="mssegment/segmentation/2"
             residuals=self.residuals,
             assignments=self.assignments,
             notes=self.notes,
+            camera_motion=self.camera_motion,
         )
 
     def __post_init__(self) -> None:
@@ -263,6 +267,11 @@ class SegmentationDocument(Document, frozen=True, tag="mssegment/segmentation/2"
             check_shape(self.residuals, (len(self.motions), count), "residuals")
         check_motions(self.motions, count, len(self.sets))
         check_modes(self.modes, len(self.motions), len(self.sets))
+        if self.camera_motion is not None and not 1 <= self.camera_motion <= len(self.motions):
+            raise ValueError(
+                f"camera_motion is {self.camera_motion}; expected null, or 1 to "
+                f"{len(self.motions)}, the number of motions"
+            )
         for i, (own, chosen) in enumerate(zip(self.assignments, self.sets, strict=False)):
             check_shape(own, (len(chosen.points),), f"assignments[{i}]")
 

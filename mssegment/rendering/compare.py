@@ -182,6 +182,7 @@ def _recoloured(report: Report, first: Report) -> Report:
         segmentation,
         labels=_renumber(report, first),
         motions=tuple(replace(m, label=numbers[m.label]) for m in segmentation.motions),
+        camera_motion=numbers.get(segmentation.camera_motion or 0),
         modes=tuple(
             replace(mode, motion=numbers.get(mode.motion, mode.motion))
             for mode in segmentation.modes

@@ -158,7 +158,7 @@ def number_badges(report: Report, view: FrameView) -> list[Item]:
     for motion in report.motions:
         own = points[report.members(motion.label)]
         own = own[np.isfinite(own).all(axis=1)]
-        if len(own):
+        if len(own) and not report.style(motion.label).is_quiet:
             # the inlier nearest to the median: the median itself may be off the object
             middle = np.median(own, axis=0)
             places.append(own[np.argmin(((own - middle) ** 2).sum(axis=1))])
@@ -170,7 +170,7 @@ def number_badges(report: Report, view: FrameView) -> list[Item]:
     separate = _pushed_apart(np.array(places), 2.3 * radius)
     separate = np.clip(separate, 1.2 * radius, np.array([width, height]) - 1.2 * radius)
     return [
-        Badge(float(x), float(y), radius, style.label_style(label).colour, str(label))
+        Badge(float(x), float(y), radius, report.style(label).colour, str(label))
         for (x, y), label in zip(separate, labels, strict=True)
     ]
 

@@ -180,7 +180,8 @@ def motion_entries(report: Report) -> list[tuple[style.LabelStyle, str]]:
     entries = []
     for motion in report.motions:
         count = len(report.members(motion.label))
-        entries.append((style.label_style(motion.label), f"motion {motion.label}: {count}"))
+        marker = report.style(motion.label)
+        entries.append((marker, f"{marker.name}: {count}"))
     for label in (OUTLIER, BACKGROUND, NOT_JUDGED):
         count = len(report.members(label))
         if count:
@@ -206,16 +207,14 @@ def overlay_scene(report: Report, first: FrameView, last: FrameView) -> Scene:
     scene = view.scene(legend=True)
     size = view.sizes
     shown = shown_displacements(report, last.index)
-    for motion in report.motions:
-        marker, members = style.label_style(motion.label), report.members(motion.label)
-        scene.add(
-            _paths(report, view, members[shown[members]], marker.colour, 1.3 * size.line, 0.85)
-        )
+    for motion in sorted(report.motions, key=lambda m: m.label != report.camera_motion):
+        marker, members = report.style(motion.label), report.members(motion.label)
+        width, opacity = (0.6 * size.line, 0.38) if marker.is_quiet else (1.3 * size.line, 0.85)
+        scene.add(_paths(report, view, members[shown[members]], marker.colour, width, opacity))
+        radius = size.small if marker.is_quiet else 0.8 * size.marker
         ends = view.to_picture(report.tracks.points[members, last.index])
         ends = ends[np.isfinite(ends).all(axis=1)]
-        scene.add(
-            [Markers(ends, marker.shape, 0.8 * size.marker, marker.colour, 0.2 * size.marker)]
-        )
+        scene.add([Markers(ends, marker.shape, radius, marker.colour, 0.25 * radius)])
     scene.add(number_badges(report, last))
     scene.add(legend(view, motion_entries(report)))
     return scene
@@ -227,7 +226,7 @@ def motion_hulls(report: Report, view: FrameView) -> dict[int, Contours]:
     points = view.to_picture(report.tracks.points[:, view.index])
     return {
         motion.label: hulls(points[report.members(motion.label)], width, height)
-        for motion in report.motions
+        for motion in report.objects
     }
 
 
@@ -250,19 +249,19 @@ def _label_items(report: Report, view: FrameView) -> list[Item]:
     shown = shown_displacements(report, view.index)
     size = view.sizes
     items: list[Item] = []
-    for label in (BACKGROUND, NOT_JUDGED, OUTLIER):
+    for label in report.quiet_labels:
         members = np.flatnonzero(visible & (report.labels == label))
-        marker = style.label_style(label)
-        if label == OUTLIER:
+        marker = report.style(label)
+        if label not in (BACKGROUND, NOT_JUDGED):
             moved = members[shown[members]]
             items += _paths(report, view, moved, marker.colour, 0.6 * size.line, 0.38)
         items.append(Markers(points[members], marker.shape, size.small, marker.colour))
-    for motion in report.motions:
+    for motion in report.objects:
         moved = np.flatnonzero(shown & (report.labels == motion.label))
-        items += _paths(report, view, moved, style.label_style(motion.label).colour, size.line)
-    for motion in report.motions:
+        items += _paths(report, view, moved, report.style(motion.label).colour, size.line)
+    for motion in report.objects:
         members = np.flatnonzero(visible & (report.labels == motion.label))
-        marker = style.label_style(motion.label)
+        marker = report.style(motion.label)
         rim = 0.28 * size.marker
         items.append(Markers(points[members], marker.shape, size.marker, marker.colour, rim))
     return items

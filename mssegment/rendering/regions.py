@@ -197,7 +197,7 @@ def dense_regions(report: Report, index: int, picture: Picture) -> dict[int, Con
     labels = dense_labels(report, index, picture)
     kernel = np.ones((5, 5), dtype=np.uint8)
     regions = {}
-    for motion in report.motions:
+    for motion in report.objects:
         mask = (labels == motion.label).astype(np.uint8)
         mask = cv2.morphologyEx(mask, cv2.MORPH_CLOSE, kernel)
         contours, _ = cv2.findContours(mask, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_SIMPLE)

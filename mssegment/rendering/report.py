@@ -7,7 +7,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import msgspec
 import numpy as np
@@ -28,9 +28,7 @@ from mssegment.records import (
     Record,
     Tracks,
 )
-
-if TYPE_CHECKING:
-    pass
+from mssegment.rendering.style import LabelStyle, camera_style, label_style
 
 Picture = npt.NDArray[np.uint8]
 """A picture [height, width, 3] in BGR order."""
@@ -104,6 +102,26 @@ class Report(Record, frozen=True, eq=False):
         """The notes of all stages in their order, each once."""
         said = [str(note) for stage in self.history for note in stage.get("notes", ())]
         return tuple(dict.fromkeys([*said, *self.segmentation.notes]))
+
+    @property
+    def camera_motion(self) -> int | None:
+        """The label of the motion of the static world under a moving camera, if it is known."""
+        return self.segmentation.camera_motion
+
+    def style(self, label: int) -> LabelStyle:
+        """How a label is shown."""
+        return camera_style(label) if label == self.camera_motion else label_style(label)
+
+    @property
+    def objects(self) -> tuple[Motion, ...]:
+        """The motions without that of the static world, sorted by label."""
+        return tuple(motion for motion in self.motions if motion.label != self.camera_motion)
+
+    @property
+    def quiet_labels(self) -> tuple[int, ...]:
+        """The labels that are drawn small and behind the objects."""
+        camera = () if self.camera_motion is None else (self.camera_motion,)
+        return (BACKGROUND, NOT_JUDGED, OUTLIER, *camera)
 
     def members(self, label: int) -> Integers:
         """Indices of the tracks with this label."""
@@ -248,6 +266,7 @@ def report_json(report: Report) -> dict[str, Any]:
         "counted": evaluation and evaluation.counted,
         "true_motions": evaluation and list(evaluation.true_motions),
         "found_motions": evaluation and list(evaluation.found_motions),
+        "camera_motion": report.camera_motion,
         "motion_list": [_motion_json(report, motion) for motion in report.motions],
         "tracks": len(labels),
         "outliers": int((labels == OUTLIER).sum()),

@@ -53,6 +53,8 @@ GLYPHS = {
 
 OUTLIER_COLOUR: Colour = (188, 188, 198)
 BACKGROUND_COLOUR: Colour = (196, 200, 208)
+CAMERA_COLOUR: Colour = (148, 163, 184)
+"""The static world under a moving camera: a quiet slate."""
 PLAIN_COLOUR: Colour = (255, 214, 10)
 """Tracks in pictures that do not show labels."""
 INK: Colour = (22, 24, 29)
@@ -73,6 +75,8 @@ class LabelStyle(Record, frozen=True):
     colour: Colour
     shape: str
     name: str
+    is_quiet: bool = False
+    """Drawn small and thin, behind the motions."""
 
     @property
     def glyph(self) -> str:
@@ -98,12 +102,17 @@ def label_style(label: int) -> LabelStyle:
         shape = SHAPES[(label - 1) % len(SHAPES)]
         return LabelStyle(PALETTE[(label - 1) % len(PALETTE)], shape, f"motion {label}")
     if label == BACKGROUND:
-        return LabelStyle(BACKGROUND_COLOUR, "dot", "background")
+        return LabelStyle(BACKGROUND_COLOUR, "dot", "background", is_quiet=True)
     if label == NOT_JUDGED:
-        return LabelStyle(BACKGROUND_COLOUR, "ring", "not judged")
+        return LabelStyle(BACKGROUND_COLOUR, "ring", "not judged", is_quiet=True)
     if label == OUTLIER:
-        return LabelStyle(OUTLIER_COLOUR, "cross", "outliers")
-    return LabelStyle(BACKGROUND_COLOUR, "dot", "ignored")
+        return LabelStyle(OUTLIER_COLOUR, "cross", "outliers", is_quiet=True)
+    return LabelStyle(BACKGROUND_COLOUR, "dot", "ignored", is_quiet=True)
+
+
+def camera_style(label: int) -> LabelStyle:
+    """The style of the motion of the static world under a moving camera."""
+    return LabelStyle(CAMERA_COLOUR, "dot", f"camera (motion {label})", is_quiet=True)
 
 
 def hexadecimal(colour: Colour) -> str:

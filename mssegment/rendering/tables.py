@@ -11,7 +11,7 @@ from unicodedata import east_asian_width
 
 from mssegment.records import BACKGROUND, NOT_JUDGED, OUTLIER, Record
 from mssegment.rendering.report import Report, report_bytes
-from mssegment.rendering.style import GLYPHS, label_style
+from mssegment.rendering.style import GLYPHS
 
 FORMATS = ("text", "json", "csv", "markdown", "latex")
 
@@ -25,17 +25,23 @@ class Table(Record, frozen=True):
     rules: tuple[int, ...] = ()
 
 
-def result_table(report: Report) -> Table:
-    """One row per motion: inliers, hypotheses, kernel density, RMS residual; then other labels."""
+def result_table(report: Report, *, plain: bool = False) -> Table:
+    """One row per motion: inliers, hypotheses, kernel density, RMS residual; then other labels.
+
+    ``plain`` gives numbers without markers, for other programs, and the camera a column.
+    """
     header = ["motion", "inliers", "hypotheses", "kde", "rms px"]
     with_truth = report.evaluation is not None
     with_model = len({chosen.model for chosen in report.sets}) > 1
-    header += ["model"] * with_model + ["true motion"] * with_truth
+    with_camera = plain and report.camera_motion is not None
+    header += ["model"] * with_model + ["true motion"] * with_truth + ["camera"] * with_camera
     rows = []
     for motion in report.motions:
         modes = report.modes_of(motion.label)
+        is_camera = motion.label == report.camera_motion
+        name = f"{motion.label} {report.style(motion.label).glyph}{' camera' if is_camera else ''}"
         row = [
-            f"{motion.label} {label_style(motion.label).glyph}",
+            str(motion.label) if plain else name,
             str(len(report.members(motion.label))),
             str(sum(mode.hypotheses for mode in modes)),
             density(modes[0].kde if modes else None),
@@ -46,6 +52,8 @@ def result_table(report: Report) -> Table:
         if with_truth:
             true = report.true_motion(motion.label)
             row.append("-" if true is None else str(true))
+        if with_camera:
+            row.append("yes" if is_camera else "no")
         rows.append(tuple(row))
     blank = ("",) * (len(header) - 2)
     counted = [("outliers", OUTLIER), ("background", BACKGROUND), ("not judged", NOT_JUDGED)]
@@ -101,11 +109,11 @@ def confusion_table(report: Report) -> Table | None:
     return Table("Confusion matrix", tuple(header), tuple(rows), rules=(len(rows) - 1,))
 
 
-def tables_of(report: Report) -> list[Table]:
+def tables_of(report: Report, *, plain: bool = False) -> list[Table]:
     """The tables of a report; modes and confusion matrix only where there are any."""
     modes, confusion = modes_table(report), confusion_table(report)
     return [
-        result_table(report),
+        result_table(report, plain=plain),
         *([modes] if modes.rows else []),
         *([] if confusion is None else [confusion]),
     ]
@@ -128,7 +136,7 @@ def format_report(report: Report, form: str = "text") -> str:
         return report_bytes(report).decode()
     if form not in FORMATS:
         raise ValueError(f"format {form!r}: expected {', '.join(FORMATS)}")
-    parts = [format_table(table, form) for table in tables_of(report)]
+    parts = [format_table(table, form) for table in tables_of(report, plain=form == "csv")]
     if form == "csv":
         return "\n".join(parts)
     closing = {"text": "{}", "markdown": "{}", "latex": "% {}"}[form]
@@ -232,9 +240,8 @@ _LATEX = {
 def _latex_escape(cell: str) -> str:
     if cell == "res-hat":
         return r"$\widehat{\mathrm{res}}$"
-    head, _, shape = cell.rpartition(" ")
-    if shape in GLYPHS.values():  # LaTeX needs packages for these characters
-        cell = head
+    # LaTeX needs packages for the markers
+    cell = " ".join(word for word in cell.split(" ") if word not in GLYPHS.values())
     return "".join(_LATEX.get(sign, sign) for sign in cell)
 
 

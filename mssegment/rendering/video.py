@@ -14,7 +14,7 @@ import numpy as np
 
 from mssegment.errors import UsageError
 from mssegment.imaging.pictures import quiet
-from mssegment.records import BACKGROUND, NOT_JUDGED, OUTLIER, Floats, Integers
+from mssegment.records import Floats, Integers
 from mssegment.rendering import style
 from mssegment.rendering.layout import FrameView, legend, number_badges, view_of
 from mssegment.rendering.pictures import motion_entries
@@ -88,15 +88,15 @@ def trail_items(report: Report, view: FrameView) -> list[Item]:
     points = view.to_picture(report.tracks.points[:, view.index])
     visible = np.asarray(np.isfinite(points).all(axis=1))
     items: list[Item] = []
-    for label in (BACKGROUND, NOT_JUDGED, OUTLIER):
-        marker = style.label_style(label)
+    for label in report.quiet_labels:
+        marker = report.style(label)
         places = points[visible & (report.labels == label)]
         items.append(Markers(places, marker.shape, size.small, marker.colour))
-    for motion in report.motions:
+    for motion in report.objects:
         members = np.flatnonzero(visible & (report.labels == motion.label))
-        items += _trails(report, view, members, style.label_style(motion.label).colour)
-    for motion in report.motions:
-        marker = style.label_style(motion.label)
+        items += _trails(report, view, members, report.style(motion.label).colour)
+    for motion in report.objects:
+        marker = report.style(motion.label)
         places = points[visible & (report.labels == motion.label)]
         items.append(Markers(places, marker.shape, size.marker, marker.colour, 0.28 * size.marker))
     return items

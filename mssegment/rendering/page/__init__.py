@@ -16,7 +16,7 @@ from string import Template
 
 from mssegment.rendering.page import payload, sections, still
 from mssegment.rendering.report import Report
-from mssegment.rendering.style import hexadecimal, label_style
+from mssegment.rendering.style import hexadecimal
 from mssegment.rendering.tables import summary
 from mssegment.version import __version__
 
@@ -87,6 +87,6 @@ def label_rules(report: Report) -> str:
     rules = []
     for label in payload.shown_labels(report):
         name = payload.label_class(label)
-        rules.append(f".{name}{{--c:{hexadecimal(label_style(label).colour)}}}")
+        rules.append(f".{name}{{--c:{hexadecimal(report.style(label).colour)}}}")
         rules.append(f".hide-{name} svg .{name}{{visibility:hidden}}")
     return "\n".join(["", *rules, ""])

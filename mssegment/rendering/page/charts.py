@@ -11,7 +11,6 @@ from mssegment.rendering.page.payload import inlier_limit, label_class, residual
 from mssegment.rendering.page.projection import Projection
 from mssegment.rendering.report import Report
 from mssegment.rendering.scene import OUTLINES
-from mssegment.rendering.style import label_style
 from mssegment.rendering.tables import density, number
 
 MANIFOLD_SIDE = 480.0
@@ -78,7 +77,7 @@ def _modes(report: Report, view: Projection) -> list[str]:
         if not np.isfinite(place).all():
             continue
         mode = modes[i]
-        marker, name = label_style(mode.motion), label_class(mode.motion)
+        marker, name = report.style(mode.motion), label_class(mode.motion)
         shape = OUTLINES[marker.shape] * (9.0 if mode.motion else 5.0) + place
         corners = "L".join(f"{x:.1f} {y:.1f}" for x, y in shape)
         title = f"mode M{view.mode_indices[i] + 1}, {mode.hypotheses} hypotheses, "
@@ -176,7 +175,7 @@ def residual_svg(report: Report, label: int) -> str:
             f'<path class="limit" d="M{x:.1f} 8V{RESIDUAL_HEIGHT - 22:g}"/>'
             f'<text class="tick {side}" x="{x + shift:.1f}" y="16">{number(limit, 2)} px</text>'
         )
-    marker = label_style(label)
+    marker = report.style(label)
     title = f"Residuals to {marker.name}; largest of an inlier: {number(limit, 2)} pixels"
     return (
         f'<figure class="{label_class(label)}"><figcaption><span class="key" aria-hidden="true">'

@@ -15,7 +15,7 @@ from mssegment.records import BACKGROUND, NOT_JUDGED, OUTLIER, Integers
 from mssegment.rendering.layout import typical_spacing
 from mssegment.rendering.report import Picture, Report
 from mssegment.rendering.scene import OUTLINES
-from mssegment.rendering.style import hexadecimal, label_style, text_on
+from mssegment.rendering.style import hexadecimal, text_on
 from mssegment.rendering.thinning import shown_displacements
 
 MAX_PHOTOGRAPH_SIDE = 1600
@@ -150,11 +150,12 @@ def numbers(report: Report) -> dict[str, Any]:
             {
                 "label": label,
                 "class": label_class(label),
-                "colour": hexadecimal(label_style(label).colour),
-                "ink": hexadecimal(text_on(label_style(label).colour)),
-                "shape": label_style(label).shape,
-                "glyph": label_style(label).glyph,
-                "name": label_style(label).name,
+                "colour": hexadecimal(report.style(label).colour),
+                "ink": hexadecimal(text_on(report.style(label).colour)),
+                "shape": report.style(label).shape,
+                "glyph": report.style(label).glyph,
+                "name": report.style(label).name,
+                "quiet": report.style(label).is_quiet,
                 "limit": inlier_limit(report, label) if label > 0 else None,
             }
             for label in shown_labels(report)
@@ -162,7 +163,7 @@ def numbers(report: Report) -> dict[str, Any]:
         "outlines": {
             shape: np.round(outline, 3).tolist()
             for shape, outline in OUTLINES.items()
-            if shape in {label_style(label).shape for label in shown_labels(report)}
+            if shape in {report.style(label).shape for label in shown_labels(report)}
         },
     }
 

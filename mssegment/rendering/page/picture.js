@@ -44,13 +44,13 @@ function trace(context, shape, x, y, radius) {
 function radiusOf(style) {
   const most = 4.2 * Math.min(1.25, Math.max(0.7, stage.clientWidth / 900)) * unit;
   const radius = Math.min(most, Math.max(0.57 * most, 0.5 * data.spacing * scale));
-  return style.label > 0 ? radius : 0.62 * radius;
+  return style.quiet ? 0.62 * radius : radius;
 }
 
 function drawDisplacements(context, style, list) {
   context.strokeStyle = style.colour;
-  context.globalAlpha = style.label > 0 ? 0.6 : 0.35;
-  context.lineWidth = (style.label > 0 ? 1.5 : 0.9) * unit;
+  context.globalAlpha = style.quiet ? 0.35 : 0.6;
+  context.lineWidth = (style.quiet ? 0.9 : 1.5) * unit;
   const arrows = [];
   context.beginPath();
   for (const track of list) {
@@ -106,7 +106,7 @@ function drawLayer(layer) {
     const [x, y] = position(track, state.frame);
     trace(context, style.shape, x * scale, y * scale, radius);
   }
-  if (style.label > 0) {
+  if (!style.quiet) {
     context.lineWidth = 0.5 * radius;
     context.strokeStyle = "#fff";
     context.stroke();
@@ -121,7 +121,7 @@ function drawNumbers() {
   context.clearRect(0, 0, canvas.width, canvas.height);
   if (!$("show-points").checked) return;
   for (const { style, canvas: layer } of layers) {
-    if (style.label > 0 && !layer.hidden) drawNumber(context, style);
+    if (!style.quiet && !layer.hidden) drawNumber(context, style);
   }
 }
 

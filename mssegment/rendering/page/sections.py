@@ -18,7 +18,6 @@ from mssegment.rendering.page.payload import (
 )
 from mssegment.rendering.page.projection import Projection, project
 from mssegment.rendering.report import Report
-from mssegment.rendering.style import label_style
 from mssegment.rendering.tables import density, fixed, number
 
 MAX_MODES = 12
@@ -34,7 +33,7 @@ def toggles_html(report: Report) -> str:
     """A check box for every label."""
     parts = []
     for label in shown_labels(report):
-        marker, name = label_style(label), label_class(label)
+        marker, name = report.style(label), label_class(label)
         parts.append(
             f'<label class="toggle {name}"><input type="checkbox" data-label="{label}" checked> '
             f'<span class="key" aria-hidden="true">{marker.glyph}</span> {escape(marker.name)} '
@@ -74,7 +73,7 @@ def motions_html(report: Report) -> str:
         if report.evaluation:
             true = report.true_motion(motion.label)
             cells.append("none" if true is None else str(true))
-        rows.append(_row(_motion_key(motion.label), cells))
+        rows.append(_row(_motion_key(report, motion.label), cells))
     return _table("Motions", header, rows)
 
 
@@ -95,7 +94,7 @@ def modes_html(report: Report) -> str:
             f"</svg>"
         )
         cells = [str(mode.hypotheses), density(mode.kde), bar]
-        cells.append(_label_cell(mode.motion))
+        cells.append(_label_cell(report, mode.motion))
         cells += [str(mode.set_index + 1)] if len(report.sets) > 1 else []
         rows.append(_row(f"M{i + 1}", cells))
     header = ["mode", "hypotheses", "kernel density", "", "motion"]
@@ -226,7 +225,7 @@ def tracks_html(report: Report) -> str:
         track = track[np.isfinite(track).all(axis=1)]
         moved = float(np.hypot(*(track[-1] - track[0]))) if len(track) > 1 else None
         cells = [
-            _label_cell(int(report.labels[i])),
+            _label_cell(report, int(report.labels[i])),
             "" if truth is None else str(truth[i]) + (" (error)" if wrong[i] else ""),
             fixed(own, 2),
             fixed(other, 2),
@@ -292,21 +291,22 @@ def _hash(text: str) -> str:
     return f'<code title="{escape(text)}">{escape(text[:12])}</code>' if text else "-"
 
 
-def _label_cell(label: int) -> str:
+def _label_cell(report: Report, label: int) -> str:
     """A label in a table: marker and number or name, a dash for outliers."""
     if label == 0:
         return "-"
-    return _key(label) + (str(label) if label > 0 else escape(label_style(label).name))
+    return _key(report, label) + (str(label) if label > 0 else escape(report.style(label).name))
 
 
-def _motion_key(label: int) -> str:
-    """Marker and number of a motion."""
-    return f"{_key(label)}{label}"
+def _motion_key(report: Report, label: int) -> str:
+    """Marker and number of a motion, and whether it is the camera's."""
+    name = " camera" if label == report.camera_motion else ""
+    return f"{_key(report, label)}{label}{name}"
 
 
-def _key(label: int) -> str:
+def _key(report: Report, label: int) -> str:
     """The marker of a label, with a space after it."""
-    glyph = label_style(label).glyph
+    glyph = report.style(label).glyph
     return f'<span class="key {label_class(label)}" aria-hidden="true">{glyph}</span> '
 
 

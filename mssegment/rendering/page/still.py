@@ -11,7 +11,7 @@ from mssegment.rendering.layout import typical_spacing
 from mssegment.rendering.page.payload import label_class, shown_labels
 from mssegment.rendering.report import Report
 from mssegment.rendering.scene import OUTLINES
-from mssegment.rendering.style import label_style, sizes
+from mssegment.rendering.style import sizes
 from mssegment.rendering.thinning import shown_displacements
 
 MAX_MARKERS = 1500
@@ -56,7 +56,7 @@ def markers_svg(report: Report, index: int) -> str:
         members = report.members(label)[::thin]
         name = label_class(label)
         shapes.append(
-            f'<path id="s-{name}" d="{_outline(label_style(label).shape, size.marker)}"/>'
+            f'<path id="s-{name}" d="{_outline(report.style(label).shape, size.marker)}"/>'
         )
         tracks = report.tracks.points[members]
         visible = np.isfinite(tracks[:, index]).all(axis=1)
