@@ -14,6 +14,7 @@ from mssegment.cli import COMMANDS, cli
 from mssegment.cli.common import flag_of
 from mssegment.configuration import KEYS
 from mssegment.models import MODELS, automatic
+from mssegment.registry import DATASETS
 
 ROOT = Path(__file__).parents[1]
 
@@ -75,6 +76,18 @@ def readme_with_tables(text: str) -> str:
     return text
 
 
+def formats_list() -> str:
+    """The formats of tracks, for the guide."""
+    return "\n".join(f"- {entry.title}" for entry in DATASETS.values())
+
+
+def guide_with_formats(text: str) -> str:
+    """The guide on tracks with its generated list replaced."""
+    begin, end = (f"<!-- formats of tracks: {word} -->" for word in ("begin", "end"))
+    before, rest = text.split(begin)
+    return f"{before}{begin}\n{formats_list()}\n{end}{rest.split(end)[1]}"
+
+
 def _shown(value: object) -> str:
     return {True: "yes", False: "no"}[value] if isinstance(value, bool) else str(value)
 
@@ -87,7 +100,9 @@ def _keys_of(name: str) -> set[str]:
 
 
 def main() -> None:
-    """Write both files."""
+    """Write the files."""
+    tracks = ROOT / "docs" / "guide" / "tracks.md"
+    tracks.write_text(guide_with_formats(tracks.read_text(encoding="utf-8")), encoding="utf-8")
     (ROOT / "docs" / "commands.md").write_text(commands_page(), encoding="utf-8")
     readme = ROOT / "README.md"
     readme.write_text(readme_with_tables(readme.read_text(encoding="utf-8")), encoding="utf-8")

@@ -70,7 +70,7 @@ def import_tracks(path: str) -> TracksDocument:
     Parameters
     ----------
     path : str
-        A file of a format in ``datasets``, or ``-`` for CSV on standard input.
+        A file of a format in ``datasets``, or ``-`` for standard input.
 
     Returns
     -------
@@ -87,9 +87,25 @@ def import_tracks(path: str) -> TracksDocument:
     return TracksDocument(
         frames=list(found.frames),
         camera=found.camera,
-        tracks=found.tracks,
-        history=[entry_of("import")],
+        tracks=replace(found.tracks, ids=found.ids),
+        history=[entry_of("import", notes=found.notes)],
     )
+
+
+def put_on_pictures(document: TracksDocument, source: FrameSource) -> TracksDocument:
+    """The document with the pictures that its tracks were made from as its frames.
+
+    Raises DataError if a frame has no picture, or most positions lie outside the pictures.
+    """
+    from mssegment.imaging.backdrop import check_inside, pictures_of_frames
+
+    frames = pictures_of_frames(document.frames, source.frames)
+    notes = check_inside(document.tracks.points, frames)
+    history = list(document.history)
+    if notes:
+        last = history[-1]
+        history[-1] = msgspec.structs.replace(last, notes=(*last.notes, *notes))
+    return msgspec.structs.replace(document, frames=frames, history=history)
 
 
 def detect(configuration: Configuration, source: FrameSource) -> CornersDocument:

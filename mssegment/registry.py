@@ -103,7 +103,14 @@ DATASETS: Registry[Any] = Registry(
         "hopkins155": "mssegment.datasets.hopkins155:HOPKINS155",
         "adelaidermf": "mssegment.datasets.adelaidermf:ADELAIDERMF",
         "kt3dmoseg": "mssegment.datasets.kt3dmoseg:KT3DMOSEG",
-        "csv": "mssegment.datasets.csv_tracks:CSV_TRACKS",
+        "sightings": "mssegment.datasets.sightings:SIGHTINGS",
+        "mot": "mssegment.datasets.mot:MOT",
+        "matches": "mssegment.datasets.matches:MATCHES",
+        "keypoints": "mssegment.datasets.keypoints:KEYPOINTS",
+        "vectors": "mssegment.datasets.vectors:VECTORS",
+        "arrays": "mssegment.datasets.arrays:ARRAYS",
+        "hloc": "mssegment.datasets.hloc:HLOC",
+        "colmap": "mssegment.datasets.colmap:COLMAP",
     },
 )
 """The formats of tracks that ``import`` and ``run`` read, in the order in which they are tried."""

@@ -502,3 +502,37 @@ def test_no_command_at_all_shows_the_whole_help(call: Call) -> None:
     outcome = call()
     assert outcome.status == 2
     assert "\n  benchmark " in outcome.err
+
+
+def test_tracks_are_drawn_on_their_pictures(tmp_path: Path, call: Call) -> None:
+    frames = [cv2.imread(path) for path in AFFINE]
+    size = frames[0].shape[1], frames[0].shape[0]
+    tracks = tmp_path / "tracks.npy"
+    points = np.random.default_rng(0).uniform(50, 300, (60, 1, 2)).repeat(2, axis=1)
+    points[:, 1] += [7.0, 3.0]
+    np.save(tracks, points)
+    out = tmp_path / "out"
+    images = ["--images", AFFINE[0], "--images", AFFINE[1]]
+    assert call("run", str(tracks), *images, "--out", str(out)).status == 0
+    document = json.loads((out / "segmentation.json").read_text())
+    assert [(frame["path"], frame["width"]) for frame in document["frames"]] == [
+        (path, size[0]) for path in AFFINE
+    ]
+    drawn = cv2.imread(str(out / "overlay.png"))
+    assert len(np.unique(drawn.reshape(-1, 3), axis=0)) > 1000, "the picture is below the tracks"
+    again = call("report", str(out / "segmentation.json"), "--out", str(tmp_path / "again"))
+    assert again.status == 0
+    assert (tmp_path / "again" / "overlay.png").read_bytes() == (out / "overlay.png").read_bytes()
+
+
+def test_pictures_that_do_not_fit_the_tracks(tmp_path: Path, call: Call) -> None:
+    np.save(tmp_path / "tracks.npy", np.random.default_rng(0).uniform(50, 300, (60, 5, 2)))
+    images = ["--images", AFFINE[0], "--images", AFFINE[1]]
+    outcome = call("run", str(tmp_path / "tracks.npy"), *images, "--out", str(tmp_path / "out"))
+    assert outcome.status == ExitStatus.DATA
+    assert "5 frames, numbered 0 to 4, but --images names 2 pictures" in outcome.err
+    np.save(tmp_path / "far.npy", np.random.default_rng(0).uniform(5000, 6000, (60, 2, 2)))
+    outcome = call("run", str(tmp_path / "far.npy"), *images, "--out", str(tmp_path / "out"))
+    assert "100% of the positions lie outside the pictures" in outcome.err
+    outcome = call("run", AFFINE[0], "--images", AFFINE[1], "--out", str(tmp_path / "out"))
+    assert outcome.status == ExitStatus.USAGE

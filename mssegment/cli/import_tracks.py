@@ -7,8 +7,17 @@ import time
 import click
 
 from mssegment.cli import COMMANDS
-from mssegment.cli.common import Console, console_options, output_option, refuse_keyboard
+from mssegment.cli.common import (
+    Console,
+    console_options,
+    output_option,
+    refuse_keyboard,
+    settings_options,
+)
+from mssegment.configuration import Setting, resolve
 from mssegment.documents import STANDARD
+
+KEYS = ("input.images",)
 
 
 @click.command(
@@ -16,19 +25,24 @@ from mssegment.documents import STANDARD
     epilog="Example:  mssegment import tracks.csv | mssegment hypothesize --model affine",
 )
 @click.argument("file", metavar="[FILE]", required=False, default=STANDARD)
+@settings_options(*KEYS)
 @output_option
 @console_options
-def command(file: str, output: str | None, console: Console) -> None:
+def command(file: str, settings: list[Setting], output: str | None, console: Console) -> None:
     """Import the tracks of another program and write a tracks document.
 
-    FILE is a CSV with the columns `x1,y1,x2,y2[,label]` or `track,frame,x,y[,label]`, in pixels, or
-    a .mat file of Hopkins155, AdelaideRMF or KT3DMoSeg; the format is determined from the content.
-    Labels are imported if the file has them. Without FILE, or if it is -, a CSV is read from
-    standard input.
+    FILE is a table (`x1,y1,x2,y2[,label]` or `track,frame,x,y[,label]`, in pixels, under many other
+    names of the columns), an array [tracks, frames, 2] (.npy, .npz, .mat, HDF5, JSON), matches of
+    LightGlue, hloc or COLMAP, boxes of MOTChallenge, or a file of Hopkins155, AdelaideRMF or
+    KT3DMoSeg. The content determines the format; FILE#PART names a part of a file. Without FILE, or
+    if it is -, standard input is read. --images names the pictures that the tracks were made from.
     """
-    refuse_keyboard(file, "CSV of tracks", "cat tracks.csv")
+    refuse_keyboard(file, "file of tracks", "cat tracks.csv")
+    configuration = resolve(settings)
     start = time.perf_counter()
-    from mssegment.pipeline import import_tracks
+    from mssegment import pipeline
 
-    document = import_tracks(file)
+    document = pipeline.import_tracks(file)
+    if configuration.input.images:
+        document = pipeline.put_on_pictures(document, pipeline.open_input(configuration))
     console.deliver(document, output, start, "import")

@@ -155,12 +155,13 @@ class Results(Record, frozen=True):
 class _Pictures:
     """The image of a frame in BGR order, or None if its file is not available.
 
-    The images of imported tracks are those inside their file, if any (AdelaideRMF).
+    The images of imported tracks are those that they were put on, or those inside their file, if
+    any (AdelaideRMF).
     """
 
     def __init__(self, document: SegmentationDocument, source: FrameSource | None) -> None:
         self._frames = document.frames
-        self._imported = any(entry.stage == "import" for entry in document.history)
+        self._imported = _is_file_of_tracks(document)
         self._red_first: Callable[[int], Picture | None] | None = None
         if source is not None:
             self._red_first = source.colour
@@ -188,3 +189,19 @@ class _Pictures:
         except DataError:
             pictures = ()
         return lambda index: pictures[index] if index < len(pictures) else None
+
+
+def _is_file_of_tracks(document: SegmentationDocument) -> bool:
+    """Whether the frames are those of a file of tracks, and not pictures."""
+    from mssegment.datasets.containers import holds_data
+    from mssegment.imaging.pictures import looks_like_picture
+
+    if not document.frames or not any(entry.stage == "import" for entry in document.history):
+        return False
+    path = document.frames[0].path
+    try:
+        with Path(path).open("rb") as file:
+            head = file.read(1024)
+    except OSError:
+        return True
+    return holds_data(path, head) and not looks_like_picture(path, head)

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import os
 import sys
+import time
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -25,7 +27,7 @@ from mssegment.configuration import (
     from_text,
     resolve,
 )
-from mssegment.documents import Document, TracksDocument
+from mssegment.documents import STANDARD, Document, TracksDocument
 from mssegment.errors import ConfigurationError, UsageError
 
 if TYPE_CHECKING:
@@ -40,8 +42,10 @@ KEYS = (
     "camera.file",
     "report.labels",
     "seed",
+    "input.images",
 )
-_TRACK_FILES = (".csv", ".mat", ".json")
+_TRACK_FILES = (".csv", ".mat", ".json", ".npy", ".npz", ".tsv", ".txt", ".h5", ".hdf5", ".db")
+"""Suffixes of files of tracks, for those that do not exist."""
 
 
 @click.command(
@@ -85,11 +89,12 @@ def command(
     """Run all stages and write the results to a folder.
 
     The input is a configuration file, images (two files, a folder, a glob pattern or a video), or
-    tracks (a CSV, a .mat file or a tracks document). The output is the document of each stage,
+    tracks (a table, an array, a tracks document, ...; `mssegment import --help` lists them), drawn
+    on the pictures that --images names. The output is the document of each stage,
     report.json, timings.json, annotated pictures and report.html.
     """
     configuration = _configuration(inputs, settings, assignments)
-    tracks = _tracks(configuration)
+    tracks = _tracks(configuration, console)
     if configuration.report.labels:
         from mssegment.ground_truth import check_labels
 
@@ -137,14 +142,22 @@ def _configuration(
                 f"{' '.join(inputs)}: expected one configuration file, or images, not both"
             )
         layers = from_file(inputs[0])
-    elif len(inputs) == 1 and Path(inputs[0]).suffix.lower() in _TRACK_FILES:
+    elif any(are_tracks(path) for path in inputs):
+        if len(inputs) > 1:
+            raise UsageError(
+                f"{' '.join(inputs)}: expected one file of tracks; name the pictures that they "
+                "were made from with --images"
+            )
         layers = [Setting("input.tracks", inputs[0], "TRACKS")]
     else:
+        if any(setting.origin == "--images" for setting in settings):
+            raise UsageError(
+                f"--images: it goes with a file of tracks, but {inputs[0]} is an image; name all "
+                "images without the option"
+            )
         layers = [Setting("input.images", list(inputs), "IMAGE")]
     configuration = resolve([*layers, *settings, *from_text(assignments)])
     read = configuration.input
-    if read.images and read.tracks is not None:
-        raise ConfigurationError("input.images and input.tracks are both set; keep one of them")
     if not read.images and read.tracks is None:
         raise ConfigurationError(
             f"{inputs[0]}: input.images is not set; name two images, a folder, a glob pattern or "
@@ -153,16 +166,52 @@ def _configuration(
     return configuration
 
 
-def _tracks(configuration: Configuration) -> TracksDocument | None:
+def are_tracks(path: str) -> bool:
+    """Whether an input is a file of tracks rather than pictures or a video, from its content."""
+    from mssegment.datasets.containers import holds_data
+    from mssegment.imaging.pictures import looks_like_picture
+
+    name = path if os.path.exists(path) else path.rpartition("#")[0] or path
+    if path == STANDARD:
+        return True
+    if not os.path.isfile(name):
+        return Path(name).suffix.lower() in _TRACK_FILES
+    with Path(name).open("rb") as file:
+        head = file.read(1024)
+    return bool(head) and not looks_like_picture(name, head) and holds_data(name, head)
+
+
+def _tracks(configuration: Configuration, console: Console) -> TracksDocument | None:
     path = configuration.input.tracks
     if path is None:
         return None
+    start = time.perf_counter()
     from mssegment import pipeline
     from mssegment.documents import read_document
 
-    if Path(path).suffix.lower() == ".json":
-        return read_document(path, TracksDocument)
-    return pipeline.import_tracks(path)
+    if path != STANDARD and _is_document(path):
+        document = read_document(path, TracksDocument)
+    else:
+        document = pipeline.import_tracks(path)
+    if configuration.input.images:
+        document = pipeline.put_on_pictures(document, pipeline.open_input(configuration))
+    console.stage("import", describe(document), time.perf_counter() - start)
+    console.details(document)
+    return document
+
+
+def _is_document(path: str) -> bool:
+    """Whether a file is one that ``mssegment`` wrote, and not the tracks of another program."""
+    try:
+        with Path(path).open("rb") as file:
+            return file.read(200).lstrip().startswith(b"{") and _names_a_schema(path)
+    except OSError:
+        return False
+
+
+def _names_a_schema(path: str) -> bool:
+    content = Path(path).read_bytes()
+    return b'"mssegment/' in content[:200] or b'"schema"' in content
 
 
 def _write(result: pipeline.Segmentation, results: Results, out: str) -> list[str]:

@@ -40,11 +40,17 @@ class InputSettings(Section, frozen=True):
     """The input: images or tracks."""
 
     images: Annotated[
-        list[str], Meta(description="Image files, a folder, a glob pattern, or a video.")
+        list[str],
+        Meta(
+            description="Image files, a folder, a pattern, or a video; with tracks, the images "
+            "that they were made from."
+        ),
     ] = []
     tracks: Annotated[
         str | None,
-        Meta(description="Tracks to use instead of images: CSV, .mat, or a tracks document."),
+        Meta(
+            description="Tracks of another program, or a tracks document; FILE#PART names a part."
+        ),
     ] = None
     start: Annotated[int, Meta(ge=0, description="Index of the first frame, counted from 0.")] = 0
     stop: Annotated[

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from mssegment.datasets.base import DataSet, ImportedTracks, Variables
-from mssegment.datasets.csv_tracks import read_content, read_table
+from mssegment.datasets.base import DataSet, ImportedTracks
+from mssegment.datasets.containers import InputFile, Variables
 from mssegment.datasets.labels import (
     labels_from_masks,
     labels_from_points,
     read_located_labels,
 )
-from mssegment.datasets.matlab import load_matlab
+from mssegment.datasets.tables import Table
 from mssegment.errors import DataError
 from mssegment.registry import DATASETS
 
@@ -19,6 +19,7 @@ __all__ = [
     "DATASETS",
     "DataSet",
     "ImportedTracks",
+    "InputFile",
     "labels_from_masks",
     "labels_from_points",
     "read",
@@ -27,6 +28,10 @@ __all__ = [
     "recognise",
 ]
 
+EXPECTED = "x1,y1,x2,y2[,label] or track,frame,x,y[,label]"
+"""The two plain tables, for messages."""
+_SHOWN = 8
+
 
 def recognise(path: Path | str) -> DataSet:
     """Determine the format of a file from its content.
@@ -34,7 +39,7 @@ def recognise(path: Path | str) -> DataSet:
     Parameters
     ----------
     path : Path or str
-        A ``.mat`` file, or a table of comma-, semicolon- or tab-separated values.
+        A file of tracks; ``FILE#PART`` names a part of it.
 
     Returns
     -------
@@ -46,22 +51,7 @@ def recognise(path: Path | str) -> DataSet:
     DataError
         If the file cannot be read or has none of the known formats.
     """
-    path = Path(path)
-    if path.is_dir():
-        raise DataError(f"{path}: this is a folder; expected a file of tracks")
-    if not path.exists():
-        raise DataError(f"{path}: no such file; check the name")
-    content: Variables
-    if path.suffix.lower() == ".mat":
-        content, suffix = load_matlab(path), ".mat"
-    else:
-        content, suffix = read_table(path), ".csv"
-    entry: DataSet
-    for entry in DATASETS.values():
-        if entry.suffix == suffix and entry.recognises(content):
-            return entry
-    known = ", ".join(entry.title for entry in DATASETS.values() if entry.suffix == suffix)
-    raise DataError(f"{path}: holds {', '.join(content)}; expected {known}")
+    return _recognise(InputFile.opened(path))
 
 
 def read(path: Path | str, dataset: str | None = None) -> ImportedTracks:
@@ -70,7 +60,7 @@ def read(path: Path | str, dataset: str | None = None) -> ImportedTracks:
     Parameters
     ----------
     path : Path or str
-        The file.
+        The file; ``FILE#PART`` names a part of it.
     dataset : str, optional
         A name in ``DATASETS``; by default the format is determined from the content.
 
@@ -84,10 +74,55 @@ def read(path: Path | str, dataset: str | None = None) -> ImportedTracks:
     DataError
         If the file cannot be read, has an unknown format, or holds invalid values.
     """
-    path = Path(path)
-    if dataset is None:
-        return recognise(path).read(path)
-    if dataset not in DATASETS:
+    if dataset is not None and dataset not in DATASETS:
         raise DataError(f"unknown data set {dataset!r}; expected one of {', '.join(DATASETS)}")
-    entry: DataSet = DATASETS[dataset]
-    return entry.read(path)
+    file = InputFile.opened(path)
+    entry: DataSet = DATASETS[dataset] if dataset is not None else _recognise(file)
+    return entry.reader(file)
+
+
+def read_content(content: bytes, name: str) -> ImportedTracks:
+    """Read tracks from bytes, such as those of standard input; see ``read``.
+
+    ``name`` is what the source is called in messages and in the frames.
+    """
+    file = InputFile(name, content)
+    return _recognise(file).reader(file)
+
+
+def _recognise(file: InputFile) -> DataSet:
+    if not file.content.strip():
+        raise DataError(f"{file.name}: empty; expected tracks, such as a table {EXPECTED}")
+    entry: DataSet
+    for entry in DATASETS.values():
+        if file.container in entry.containers and entry.recognises(file.variables):
+            return entry
+    raise DataError(f"{file.name}: {_looks_like(file.variables)}")
+
+
+def _looks_like(content: Variables) -> str:
+    """What the content looks like, and what would be read."""
+    if isinstance(content, Table):
+        if not content.has_header:
+            return (
+                f"a table of {len(content)} columns without names; expected a first line that "
+                f"names them: {EXPECTED}"
+            )
+        return f"a table with the columns {_listed(list(content))}; expected {EXPECTED}"
+    parts = [f"{name} {_kind(value)}".strip() for name, value in content.items()]
+    return (
+        f"holds {_listed(parts)}; expected an array of tracks [tracks, frames, 2], vectors x1, y1, "
+        "x2, y2 or track, frame, x, y, or the file of a known data set"
+    )
+
+
+def _listed(names: list[str]) -> str:
+    more = f" and {len(names) - _SHOWN} more" if len(names) > _SHOWN else ""
+    return ", ".join(names[:_SHOWN]) + more if names else "nothing"
+
+
+def _kind(value: object) -> str:
+    shape = getattr(value, "shape", None)
+    if shape is None:
+        return f"({type(value).__name__})"
+    return f"[{', '.join(map(str, shape))}]"

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import numpy.typing as npt
 
@@ -12,12 +10,13 @@ from mssegment.datasets.base import (
     DataSet,
     ImportedTracks,
     Published,
-    Variables,
     check_labels,
     check_points,
-    frames_of_file,
+    frames_inside,
+    size_that_holds,
 )
-from mssegment.datasets.matlab import load_matlab, numbers
+from mssegment.datasets.containers import InputFile, Variables
+from mssegment.datasets.matlab import numbers
 from mssegment.errors import DataError
 from mssegment.records import Frame, Tracks
 
@@ -56,12 +55,14 @@ def recognises(variables: Variables) -> bool:
     return {"data", "label"} <= set(variables)
 
 
-def read(path: Path) -> ImportedTracks:
+def read(file: InputFile) -> ImportedTracks:
     """Read ``<pair>.mat``: the matches (x1 y1 1 x2 y2 1, in pixels), labels and both pictures.
+
+    The pictures may be missing.
 
     Raises DataError if a variable is missing or has invalid values.
     """
-    variables = load_matlab(path)
+    variables, path = file.variables, file.name
     matches = numbers(variables, "data", path, (6, None))
     if not np.isfinite(matches).all():
         raise DataError(f"{path}: variable 'data' holds NaN or infinity; expected finite pixels")
@@ -71,26 +72,23 @@ def read(path: Path) -> ImportedTracks:
         )
     first, second = matches[:2] / matches[2], matches[3:5] / matches[5]
     points = np.stack([first.T, second.T], axis=1)
-    check_points(points, str(path))
+    check_points(points, path)
     labels = check_labels(variables["label"], len(points), f"{path}: variable 'label'")
-    pictures = tuple(_picture(variables, name, path) for name in ("img1", "img2"))
-    frames = frames_of_file(path, range(2), 1, 1)
+    names = [name for name in ("img1", "img2") if name in variables]
+    pictures = tuple(_picture(variables, name, path) for name in names) if len(names) == 2 else ()
+    sizes = [p.shape[1::-1] for p in pictures] or [size_that_holds(points)] * 2
+    frames = frames_inside(path, file.content, range(2), 1, 1)
     sized = tuple(
-        Frame(frame.path, picture.shape[1], picture.shape[0], frame.sha256, frame.index)
-        for frame, picture in zip(frames, pictures, strict=True)
+        Frame(frame.path, size[0], size[1], frame.sha256, frame.index)
+        for frame, size in zip(frames, sizes, strict=True)
     )
+    stem = file.path.stem
     return ImportedTracks(
-        path.stem,
-        Tracks(points, labels=labels),
-        sized,
-        group=group_of(path.stem),
-        pictures=pictures,
+        stem, Tracks(points, labels=labels), sized, group=group_of(stem), pictures=pictures
     )
 
 
-def _picture(variables: Variables, name: str, path: Path) -> npt.NDArray[np.uint8]:
-    if name not in variables:
-        raise DataError(f"{path}: no variable '{name}'; expected the two images img1 and img2")
+def _picture(variables: Variables, name: str, path: str) -> npt.NDArray[np.uint8]:
     picture = np.asarray(variables[name])
     if picture.dtype != np.uint8 or picture.ndim not in (2, 3) or not picture.size:
         raise DataError(
@@ -127,5 +125,11 @@ BENCHMARK = Benchmark(
 )
 
 ADELAIDERMF = DataSet(
-    "adelaidermf", "AdelaideRMF", ".mat", recognises, read, pattern="**/*.mat", benchmark=BENCHMARK
+    "adelaidermf",
+    "AdelaideRMF",
+    ("matlab",),
+    recognises,
+    read,
+    pattern="**/*.mat",
+    benchmark=BENCHMARK,
 )

@@ -3,18 +3,15 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
+from mssegment.datasets.containers import InputFile, Variables
 from mssegment.errors import DataError
 from mssegment.records import LARGEST_COORDINATE, Camera, Floats, Frame, Integers, Record, Tracks
-
-Variables = Mapping[str, Any]
-"""The variables of a Matlab file, by name."""
 
 
 class ImportedTracks(Record, frozen=True):
@@ -36,6 +33,10 @@ class ImportedTracks(Record, frozen=True):
         guessed from the points; empty if there is none.
     pictures : tuple of ndarray [h, w, 3] of uint8
         The images in RGB order, if the file contains them.
+    ids : tuple of str, or None
+        The identifiers of the tracks in the file; None where it has none.
+    notes : tuple of str
+        What was assumed and what was ignored, for the user.
     """
 
     name: str
@@ -44,6 +45,8 @@ class ImportedTracks(Record, frozen=True):
     camera: Camera | None = None
     group: str = ""
     pictures: tuple[npt.NDArray[np.uint8], ...] = ()
+    ids: tuple[str, ...] | None = None
+    notes: tuple[str, ...] = ()
 
     @property
     def motions(self) -> int:
@@ -77,13 +80,13 @@ class DataSet(Record, frozen=True):
     name : str
         The name in ``DATASETS`` and on the command line.
     title : str
-        The name in messages.
-    suffix : str
-        The suffix of its files, ``.mat`` or ``.csv``.
+        The name in messages and in the documentation, with what a file holds.
+    containers : tuple of str
+        The kinds of files that it may be in, as in ``containers.CONTAINERS``.
     recognises : callable
-        Whether a file has this format, from its Matlab variables or its CSV columns.
-    read : callable
-        Reads a file and returns ``ImportedTracks``.
+        Whether a file has this format, from its content as its container gives it.
+    reader : callable
+        Reads an opened file and returns ``ImportedTracks``.
     pattern : str
         Glob pattern of the files below the folder of the data set; empty for a plain file format.
     benchmark : Benchmark or None
@@ -92,11 +95,15 @@ class DataSet(Record, frozen=True):
 
     name: str
     title: str
-    suffix: str
+    containers: tuple[str, ...]
     recognises: Callable[[Variables], bool]
-    read: Callable[[Path], ImportedTracks]
+    reader: Callable[[InputFile], ImportedTracks]
     pattern: str = ""
     benchmark: Benchmark | None = None
+
+    def read(self, path: Path | str) -> ImportedTracks:
+        """Read a file of this format; raises DataError if that fails."""
+        return self.reader(InputFile.opened(path))
 
     def files(self, folder: Path) -> list[Path]:
         """The files of the data set below ``folder``, sorted by name.
@@ -112,13 +119,6 @@ class DataSet(Record, frozen=True):
                 "expected the folder of the data set as published"
             )
         return found
-
-
-def frames_of_file(
-    path: Path, indices: Iterable[int], width: int, height: int
-) -> tuple[Frame, ...]:
-    """The frames with these indices, which exist only inside the file ``path``."""
-    return frames_inside(str(path), path.read_bytes(), indices, width, height)
 
 
 def frames_inside(
@@ -196,4 +196,15 @@ def check_points(points: Floats, where: str) -> None:
         raise DataError(
             f"{where}: track {track} is at {points[track, frame, axis]:g} in frame {frame}; "
             f"expected pixels, at most {LARGEST_COORDINATE:g}"
+        )
+
+
+def check_pixels(points: Floats, where: str) -> None:
+    """Raises DataError for ``points`` [P, F, 2] that lie between 0 and 1, in units of the image."""
+    seen = points[np.isfinite(points).all(axis=-1)]
+    # a single pixel holds no motion that could be found, so these are no pixels
+    if len(seen) > 1 and seen.min() >= 0 and seen.max() <= 1 and np.ptp(seen, axis=0).any():
+        raise DataError(
+            f"{where}: all positions lie between {seen.min():.2g} and {seen.max():.2g}, in units "
+            "of the image; expected pixels: multiply x by the width and y by the height"
         )

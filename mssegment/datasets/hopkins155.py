@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-from pathlib import Path
 
 import numpy as np
 
@@ -12,14 +11,15 @@ from mssegment.datasets.base import (
     DataSet,
     ImportedTracks,
     Published,
-    Variables,
     check_labels,
     check_points,
-    frames_of_file,
+    frames_inside,
+    size_that_holds,
 )
-from mssegment.datasets.matlab import load_matlab, numbers, scalar
+from mssegment.datasets.containers import InputFile, Variables
+from mssegment.datasets.matlab import numbers, scalar
 from mssegment.errors import DataError
-from mssegment.records import Tracks
+from mssegment.records import Integers, Tracks
 
 _CHECKERBOARD = re.compile(r"\d(RT|R|T)\d(RT|R|T)C|three-cars")
 _ARTICULATED = ("arm", "articulated", "head", "kanatani3", "people", "two_cranes")
@@ -57,35 +57,52 @@ def group_of(name: str, motions: int) -> str:
 
 def recognises(variables: Variables) -> bool:
     """Whether the variables of a Matlab file are those of a Hopkins155 sequence."""
-    return {"y", "s", "width", "height"} <= set(variables)
+    if {"y", "s", "width", "height"} <= set(variables):
+        return True
+    y = variables.get("y")
+    return isinstance(y, np.ndarray) and y.ndim == 3 and len(y) == 3
 
 
-def read(path: Path) -> ImportedTracks:
+def read(file: InputFile) -> ImportedTracks:
     """Read ``<sequence>_truth.mat``.
 
     The tracks are the pixels ``y``. ``K`` is not used: it is not a calibration but only maps pixels
-    to [-1, 1]. A point whose homogeneous coordinate is 0 is not visible in that frame. Raises
-    DataError if a variable is missing or has invalid values.
+    to [-1, 1]. A point whose homogeneous coordinate is 0 is not visible in that frame. Labels and
+    the size of the images may be missing. Raises DataError if a variable has invalid values.
     """
-    variables = load_matlab(path)
-    homogeneous = numbers(variables, "y", path, (3, None, None))
+    variables, name = file.variables, file.name
+    homogeneous = numbers(variables, "y", name, (3, None, None))
     seen = np.isfinite(homogeneous).all(axis=0) & (homogeneous[2] != 0)
     if np.isinf(homogeneous).any():
-        raise DataError(f"{path}: variable 'y' holds infinity; expected pixels")
+        raise DataError(f"{name}: variable 'y' holds infinity; expected pixels")
     pixels = np.full((*homogeneous.shape[1:], 2), np.nan)
     pixels[seen] = (homogeneous[:2, seen] / homogeneous[2, seen]).T
-    check_points(pixels, str(path))
-    labels = check_labels(
-        numbers(variables, "s", path, (None, None)), len(pixels), f"{path}: variable 's'"
-    )
-    name = path.stem.removesuffix("_truth")
-    size = scalar(variables, "width", path), scalar(variables, "height", path)
+    check_points(pixels, name)
+    labels, notes = _labels(variables, len(pixels), name)
+    sequence = file.path.stem.removesuffix("_truth")
+    size = size_that_holds(pixels)
+    if {"width", "height"} <= set(variables):
+        size = scalar(variables, "width", name), scalar(variables, "height", name)
+    motions = 0 if labels is None else len(np.unique(labels[labels > 0]))
     return ImportedTracks(
-        name,
+        sequence,
         Tracks(pixels, labels=labels),
-        frames_of_file(path, range(pixels.shape[1]), *size),
-        group=group_of(name, len(np.unique(labels[labels > 0]))),
+        frames_inside(name, file.content, range(pixels.shape[1]), *size),
+        group=group_of(sequence, motions),
+        notes=notes,
     )
+
+
+def _labels(variables: Variables, count: int, name: str) -> tuple[Integers | None, tuple[str, ...]]:
+    if "s" not in variables:
+        return None, ()
+    labels = check_labels(
+        numbers(variables, "s", name, (None, None)), count, f"{name}: variable 's'"
+    )
+    if count and labels.min() == 0:
+        # this data set has no outliers
+        return labels + 1, ("the labels s begin at 0: they are read as the motions 1, 2, ...",)
+    return labels, ()
 
 
 BENCHMARK = Benchmark(
@@ -111,7 +128,7 @@ BENCHMARK = Benchmark(
 HOPKINS155 = DataSet(
     "hopkins155",
     "Hopkins155",
-    ".mat",
+    ("matlab",),
     recognises,
     read,
     pattern="**/*_truth.mat",

@@ -8,8 +8,10 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from mssegment.datasets.base import check_labels
-from mssegment.datasets.csv_tracks import LOCATED, MATCHES, read_table
+from mssegment.datasets.columns import LABEL, X, Y, first_of, views_of
+from mssegment.datasets.containers import InputFile
+from mssegment.datasets.tables import read_table
+from mssegment.datasets.track_columns import labels_of
 from mssegment.errors import DataError
 from mssegment.neighbours import nearest
 from mssegment.records import IGNORED, LARGEST_COORDINATE, OUTLIER, Floats, Integers
@@ -113,7 +115,7 @@ def read_located_labels(path: Path) -> tuple[Floats, Integers]:
     Parameters
     ----------
     path : Path
-        A CSV with the columns ``x,y,label`` (first frame) or ``x1,y1,x2,y2,label`` (first two
+        A table with the columns ``x,y,label`` (first frame) or ``x1,y1,x2,y2,label`` (first two
         frames), in pixels.
 
     Returns
@@ -128,18 +130,25 @@ def read_located_labels(path: Path) -> tuple[Floats, Integers]:
     DataError
         If the file cannot be read, a column is missing, or a value is not valid.
     """
-    columns = read_table(path)
-    for names in (MATCHES, LOCATED[:2]):
-        if set(names) <= set(columns) and "label" in columns:
-            places = np.stack([columns[name] for name in names], axis=1)
-            wild = np.abs(places) > LARGEST_COORDINATE
-            if wild.any():
-                raise DataError(
-                    f"{path}: a label is at {places[wild][0]:g}; expected pixels, at most "
-                    f"{LARGEST_COORDINATE:g}"
-                )
-            return places, check_labels(columns["label"], len(places), f"{path}: column 'label'")
-    raise DataError(
-        f"{path}: found columns {','.join(columns)}; expected x,y,label (first frame) or "
-        "x1,y1,x2,y2,label"
-    )
+    file = InputFile.opened(path)
+    table = read_table(file.content, file.name)
+    label = first_of(table, LABEL)
+    names = [name for view in views_of(table)[:2] for name in view]
+    names = names or [name for name in (first_of(table, X), first_of(table, Y)) if name]
+    if label is None or len(names) < 2:
+        raise DataError(
+            f"{path}: found columns {','.join(table)}; expected x,y,label (first frame) or "
+            "x1,y1,x2,y2,label"
+        )
+    places = np.stack([table.numbers(name) for name in names], axis=1)
+    labels, _ = labels_of(table, label, file.name)
+    if labels is None:
+        raise DataError(f"{path}: column '{label}' holds text; expected 0, 1, 2, ...")
+    wild = np.abs(places) > LARGEST_COORDINATE
+    if wild.any():
+        raise DataError(
+            f"{path}: a label is at {places[wild][0]:g}; expected pixels, at most "
+            f"{LARGEST_COORDINATE:g}"
+        )
+    seen = np.isfinite(places).all(axis=1)
+    return places[seen], labels[seen]

@@ -5,40 +5,53 @@ from __future__ import annotations
 import io
 import struct
 import zlib
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from mssegment.datasets.base import Variables
+from mssegment.datasets.containers import InputFile, Variables
 from mssegment.errors import DataError
 from mssegment.records import Floats
 
 
-def load_matlab(path: Path) -> Variables:
-    """Read the variables of a Matlab file, versions 4 to 7.2.
+def load_matlab(file: InputFile) -> Variables:
+    """Read the variables of a Matlab file, and the fields of its structs as variables too.
 
-    Raises DataError if the file cannot be read, is damaged, or has version 7.3.
+    Raises DataError if the file is damaged, or has version 7.3 and h5py is not installed.
     """
+    if file.content[:10] == b"MATLAB 7.3":
+        from mssegment.datasets.hdf5 import load_hdf5
+
+        return _with_fields(load_hdf5(file.content, file.name, transposed=True))
     import scipy.io  # slow to import, and most commands read no Matlab file
 
     try:
-        raw = path.read_bytes()
-    except OSError as error:
-        raise DataError(f"{path}: cannot be read ({error.strerror})") from error
-    try:
-        _check_checksums(raw)
-        content: dict[str, Any] = scipy.io.loadmat(io.BytesIO(raw))
-    except NotImplementedError as error:
-        raise DataError(
-            f"{path}: Matlab version 7.3 (HDF5) is not supported; save the file with -v7"
-        ) from error
+        _check_checksums(file.content)
+        content: dict[str, Any] = scipy.io.loadmat(io.BytesIO(file.content))
     except Exception as error:  # scipy's parser raises many types of error
         raise DataError(
-            f"{path}: not a readable Matlab file ({type(error).__name__}: {error}); "
+            f"{file.name}: not a readable Matlab file ({type(error).__name__}: {error}); "
             "expected the .mat file as published"
         ) from error
-    return {name: value for name, value in content.items() if not name.startswith("__")}
+    return _with_fields({k: v for k, v in content.items() if not k.startswith("__")})
+
+
+def _with_fields(variables: dict[str, Any]) -> dict[str, Any]:
+    """The variables and, where no variable has the same name, the fields of single structs."""
+    fields: dict[str, Any] = {}
+    for value in variables.values():
+        fields |= fields_of(value)
+    return fields | variables
+
+
+def fields_of(value: Any) -> dict[str, Any]:
+    """The fields of a struct of one element; empty for anything else."""
+    if isinstance(value, dict):
+        return value
+    if not isinstance(value, np.ndarray) or value.dtype.names is None or value.size != 1:
+        return {}
+    record = value.ravel()[0]
+    return {name: record[name] for name in value.dtype.names}
 
 
 def _check_checksums(raw: bytes) -> None:
@@ -54,7 +67,7 @@ def _check_checksums(raw: bytes) -> None:
         start += 8 + size
 
 
-def numbers(variables: Variables, name: str, path: Path, shape: tuple[int | None, ...]) -> Floats:
+def numbers(variables: Variables, name: str, path: str, shape: tuple[int | None, ...]) -> Floats:
     """Variable ``name`` as float64.
 
     Raises DataError if it is missing, is not numeric, or does not have ``shape``, where None
@@ -77,7 +90,7 @@ def numbers(variables: Variables, name: str, path: Path, shape: tuple[int | None
     return values
 
 
-def scalar(variables: Variables, name: str, path: Path) -> int:
+def scalar(variables: Variables, name: str, path: str) -> int:
     """Variable ``name``, a 1x1 matrix that holds a positive whole number.
 
     Raises DataError if it is missing or anything else.

@@ -1,0 +1,258 @@
+"""Arrays of tracks: [P, F, 2] or [T, N, 2], with visibility, as neural trackers write them."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from mssegment.datasets.base import (
+    DataSet,
+    ImportedTracks,
+    check_labels,
+    check_pixels,
+    check_points,
+    frames_inside,
+    size_that_holds,
+)
+from mssegment.datasets.containers import InputFile, Variables
+from mssegment.datasets.matches import is_sighting_like
+from mssegment.errors import DataError
+from mssegment.records import Floats, Integers, Tracks
+
+_TRACKS = (
+    *("tracks", "pred_tracks", "points", "trajs", "trajectories", "trajs_2d", "tracks_2d"),
+    *("pred_trajectories", "coords", "target_points", "matches"),
+)
+"""Names of the array of tracks, the most telling first."""
+_VISIBLE = re.compile(r"(pred_)?(vis(ib\w*|ible\w*)?|valids?|mask)")
+_OCCLUDED = re.compile(r"(pred_)?occ(l\w*)?")
+_IDS = ("ids", "track_ids", "id")
+_LABELS = ("labels", "label", "true_labels", "gt_labels")
+_LIKELY = 0.5
+"""A visibility given as a probability counts from here on."""
+
+
+def recognises(content: Variables) -> bool:
+    """Whether one of the arrays can be tracks."""
+    return bool(_candidates(content))
+
+
+def read(file: InputFile) -> ImportedTracks:
+    """Read an array of tracks.
+
+    A batch of length 1 is dropped. Which axis is time is found from the values: a
+    track moves over less of the image than the tracks cover in one frame.
+
+    Raises DataError if there is no such array, more than one, or one whose values are not valid.
+    """
+    name, array = _chosen(file)
+    where = f"{file.name}: array '{name}'" if name else file.name
+    values = _floats(array)
+    if values.ndim == 2:
+        return _from_rows(values, file, where)
+    points, notes = _time_second(values)
+    visible, used = _visibility(file.variables, name, points.shape[:2])
+    lost = ~np.isfinite(points).all(axis=-1)
+    if np.isinf(points).any():
+        raise DataError(f"{where} holds infinity; expected pixels, NaN where a point is not seen")
+    points[lost | ~visible] = np.nan
+    hidden = int((~visible).sum())
+    if hidden:
+        notes += (f"{hidden} of {visible.size} positions are not visible ({used})",)
+    check_pixels(points, where)
+    check_points(points, where)
+    labels, label_name = _labels(file, len(points))
+    ids, id_name = _ids(file.variables, len(points))
+    return ImportedTracks(
+        file.path.stem,
+        Tracks(points, labels=labels),
+        frames_inside(file.name, file.content, range(points.shape[1]), *size_that_holds(points)),
+        ids=ids,
+        notes=(*notes, *_ignored(file.variables, {name, used, label_name, id_name})),
+    )
+
+
+def _candidates(content: Variables) -> dict[str, npt.NDArray[Any]]:
+    """The arrays that have the shape of tracks, by name."""
+    if not isinstance(content, Mapping):
+        return {}
+    arrays = {n: _regular(a) if isinstance(a, list) else a for n, a in content.items()}
+    return {n: a for n, a in arrays.items() if isinstance(a, np.ndarray) and _fits(a)}
+
+
+def _fits(array: npt.NDArray[Any]) -> bool:
+    shape = array.shape
+    if array.dtype.kind not in "fiu" or 0 in shape:
+        return False
+    if len(shape) == 4 and 1 in shape[:3]:
+        shape = tuple(np.delete(shape, shape.index(1)))
+    return (len(shape) == 3 and shape[2] == 2) or (len(shape) == 2 and shape[1] in (4, 6))
+
+
+def _regular(nested: list[Any]) -> npt.NDArray[Any] | None:
+    """Nested lists as an array, null as NaN; None if they are not regular numbers."""
+    try:
+        return np.array(_without_null(nested), dtype=np.float64)
+    except (ValueError, TypeError):
+        return None
+
+
+def _without_null(nested: Any) -> Any:
+    """Replace null by NaN; a point that is not seen may be null as a whole."""
+    if not isinstance(nested, list):
+        return float("nan") if nested is None else nested
+    lengths = {len(part) for part in nested if isinstance(part, list)}
+    if lengths:
+        nested = [[None] * max(lengths) if part is None else part for part in nested]
+    return [_without_null(part) for part in nested]
+
+
+def _chosen(file: InputFile) -> tuple[str, npt.NDArray[Any]]:
+    found = _candidates(file.variables)
+    if file.member:
+        if file.member not in found:
+            raise DataError(
+                f"{file.name}: no tracks called '{file.member}'; found {', '.join(found)}"
+            )
+        return file.member, found[file.member]
+    for name in _TRACKS:
+        if name in found:
+            return name, found[name]
+    three = {name: array for name, array in found.items() if array.ndim >= 3}
+    best = three or found
+    if len(best) > 1:
+        raise DataError(
+            f"{file.name}: several arrays may be tracks ({', '.join(best)}); choose one: "
+            f"'{file.name}#{next(iter(best))}'"
+        )
+    return next(iter(best.items()))
+
+
+def _floats(array: npt.NDArray[Any]) -> Floats:
+    values = np.array(array, dtype=np.float64)
+    return np.squeeze(values, axis=values.shape.index(1)) if values.ndim == 4 else values
+
+
+def _time_second(values: Floats) -> tuple[Floats, tuple[str, ...]]:
+    """The array as [P, F, 2]: time is the axis along which positions spread less."""
+    first, second = values.shape[:2]
+    if is_time_first(values):
+        return np.swapaxes(values, 0, 1).copy(), (
+            f"array [{first}, {second}, 2]: read as {first} frames of {second} tracks",
+        )
+    return values, ()
+
+
+def is_time_first(points: Floats) -> bool:
+    """Whether an array [A, B, 2] of positions is [frames, tracks, 2].
+
+    Along time one track covers less of the image than all tracks do in one frame. An axis of length
+    2 beside a longer one is two frames.
+    """
+    first, second = points.shape[:2]
+    if 2 in (first, second) and first != second:
+        return bool(first == 2)
+    return _spread(points, 0) < _spread(points, 1)
+
+
+def _spread(points: Floats, axis: int) -> float:
+    """Median over the other axis of the standard deviation of the positions along ``axis``."""
+    seen = np.isfinite(points).all(axis=-1, keepdims=True)
+    count = np.maximum(seen.sum(axis=axis, keepdims=True), 1)
+    filled = np.where(seen, points, 0.0)
+    mean = filled.sum(axis=axis, keepdims=True) / count
+    variance = (np.where(seen, filled - mean, 0.0) ** 2).sum(axis=axis) / count.squeeze(axis)
+    return float(np.median(np.sqrt(variance.sum(axis=-1))))
+
+
+def _from_rows(values: Floats, file: InputFile, where: str) -> ImportedTracks:
+    """Rows of an array: matches (x1, y1, x2, y2), or tracks of napari (id, t, y, x)."""
+    notes: tuple[str, ...]
+    ids: tuple[str, ...] | None = None
+    if values.shape[1] == 6 and (values[:, [2, 5]] == 1).all():
+        values = values[:, [0, 1, 3, 4]]
+    if values.shape[1] == 4 and is_sighting_like(values):
+        names, row = np.unique(values[:, 0].astype(np.int64), return_inverse=True)
+        times, column = np.unique(values[:, 1], return_inverse=True)
+        points = np.full((len(names), len(times), 2), np.nan)
+        points[row, column] = values[:, [3, 2]]
+        ids = tuple(map(str, names))
+        notes = ("array [n, 4]: read as napari's tracks (id, t, y, x)",)
+    else:
+        points = values.reshape(len(values), -1, 2)
+        notes = (f"array [n, {values.shape[1]}]: read as x1, y1, x2, y2, ...",)
+    if np.isinf(points).any():
+        raise DataError(f"{where} holds infinity; expected pixels, NaN where a point is not seen")
+    check_pixels(points, where)
+    check_points(points, where)
+    return ImportedTracks(
+        file.path.stem,
+        Tracks(points),
+        frames_inside(file.name, file.content, range(points.shape[1]), *size_that_holds(points)),
+        ids=ids,
+        notes=notes,
+    )
+
+
+def _visibility(
+    content: Variables, tracks: str, shape: tuple[int, ...]
+) -> tuple[npt.NDArray[np.bool_], str]:
+    """Which positions are visible [P, F], and the name of the array that says so."""
+    for name, array in content.items():
+        is_occluded = _OCCLUDED.fullmatch(name.lower()) is not None
+        if name == tracks or not (is_occluded or _VISIBLE.fullmatch(name.lower())):
+            continue
+        flags = _like(array, shape)
+        if flags is not None:
+            return (flags < _LIKELY if is_occluded else flags >= _LIKELY), name
+    return np.ones(shape, dtype=bool), ""
+
+
+def _like(array: Any, shape: tuple[int, ...]) -> Floats | None:
+    """Numbers of the shape [P, F], given so or as [F, P], with or without axes of length 1."""
+    try:
+        values = np.asarray(array, dtype=np.float64)
+    except (TypeError, ValueError):
+        return None
+    if values.size != shape[0] * shape[1]:
+        return None
+    kept = [n for n in values.shape if n != 1]
+    if kept == [n for n in shape if n != 1]:
+        return values.reshape(shape)
+    if kept == [n for n in shape[::-1] if n != 1]:
+        return values.reshape(shape[::-1]).T
+    return None
+
+
+def _labels(file: InputFile, count: int) -> tuple[Integers | None, str]:
+    for name in _LABELS:
+        if name in file.variables and np.size(file.variables[name]) == count:
+            values = file.variables[name]
+            return check_labels(values, count, f"{file.name}: array '{name}'"), name
+    return None, ""
+
+
+def _ids(content: Variables, count: int) -> tuple[tuple[str, ...] | None, str]:
+    for name in _IDS:
+        if name in content and np.size(content[name]) == count:
+            return tuple(map(str, np.ravel(content[name]).tolist())), name
+    return None, ""
+
+
+def _ignored(content: Variables, used: set[str]) -> tuple[str, ...]:
+    rest = [name for name in content if name not in used]
+    return (f"ignored: {', '.join(rest[:8])}",) if rest else ()
+
+
+ARRAYS = DataSet(
+    "arrays",
+    "an array [tracks, frames, 2] or [frames, tracks, 2], with visibility (.npy, .npz, .mat, HDF5, "
+    "JSON)",
+    ("numpy", "matlab", "hdf5", "json"),
+    recognises,
+    read,
+)

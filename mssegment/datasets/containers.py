@@ -1,0 +1,158 @@
+"""The kinds of files that hold tracks: which one a file is, and its content by name."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Mapping
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+from mssegment.errors import DataError
+
+Variables = Mapping[str, Any]
+"""The content of a file by name: variables, arrays, columns or tables."""
+
+
+class InputFile:
+    """An opened file of tracks.
+
+    Parameters
+    ----------
+    name : str
+        Its path, or what it is called in messages.
+    content : bytes
+        The whole file.
+    member : str
+        The part of the file to read, as in ``FILE#PART``; empty for the only one.
+    """
+
+    def __init__(self, name: str, content: bytes, member: str = "") -> None:
+        self.name = name
+        self.content = content
+        self.member = member
+
+    @classmethod
+    def opened(cls, path: Path | str) -> InputFile:
+        """Read a file, or the part ``#PART`` of it; raises DataError if it cannot be read."""
+        name, member = str(path), ""
+        if not Path(name).exists() and "#" in name:
+            name, _, member = name.rpartition("#")
+        try:
+            content = Path(name).read_bytes()
+        except FileNotFoundError:
+            raise DataError(f"{name}: no such file; check the name") from None
+        except IsADirectoryError:
+            raise DataError(f"{name}: this is a folder; expected a file of tracks") from None
+        except OSError as error:
+            raise DataError(f"{name}: cannot be read ({error.strerror})") from None
+        return cls(name, content, member)
+
+    @property
+    def path(self) -> Path:
+        """The path of the file."""
+        return Path(self.name)
+
+    @cached_property
+    def container(self) -> str:
+        """The kind of the file, a name in ``CONTAINERS``."""
+        return container_of(self.name, self.content)
+
+    @cached_property
+    def variables(self) -> Variables:
+        """The content by name; raises DataError if it cannot be read."""
+        return CONTAINERS[self.container](self)
+
+
+def container_of(name: str, content: bytes) -> str:
+    """The kind of a file from its first bytes, and only where these do not tell from its name.
+
+    Returns
+    -------
+    str
+        A name in ``CONTAINERS``; ``table`` for any text.
+    """
+    if content[:6] == b"MATLAB":
+        return "matlab"
+    if b"\x89HDF\r\n\x1a\n" in (content[:8], content[512:520]):
+        return "matlab" if name.lower().endswith(".mat") else "hdf5"
+    if content[:6] == b"\x93NUMPY":
+        return "numpy"
+    if content[:4] == b"PK\x03\x04":
+        return "numpy"
+    if content[:16] == b"SQLite format 3\0":
+        return "database"
+    if name.lower().endswith(".mat"):
+        return "matlab"
+    start = content[:200].removeprefix(b"\xef\xbb\xbf").lstrip()
+    return "json" if start[:1] in (b"{", b"[") else "table"
+
+
+def is_text(head: bytes) -> bool:
+    """Whether the first bytes of a file are text, in any encoding that ``tables`` decodes."""
+    if head[:2] in (b"\xff\xfe", b"\xfe\xff"):
+        return True
+    if b"\0" in head:
+        return head.count(b"\0") * 3 > len(head) and not set(head) & {1, 2, 3, 4, 5, 6, 7, 8}
+    return all(byte >= 32 or byte in b"\t\n\r\f\x1b" for byte in head)
+
+
+def holds_data(name: str, head: bytes) -> bool:
+    """Whether a file is one of tracks rather than a picture or a video, from its first bytes."""
+    return container_of(name, head) != "table" or is_text(head)
+
+
+def _matlab(file: InputFile) -> Variables:
+    from mssegment.datasets.matlab import load_matlab
+
+    return load_matlab(file)
+
+
+def _numpy(file: InputFile) -> Variables:
+    from mssegment.datasets.numpy_files import load_numpy
+
+    return load_numpy(file)
+
+
+def _hdf5(file: InputFile) -> Variables:
+    from mssegment.datasets.hdf5 import load_hdf5
+
+    return load_hdf5(file.content, file.name)
+
+
+def _database(file: InputFile) -> Variables:
+    from mssegment.datasets.colmap import load_database
+
+    return load_database(file)
+
+
+def _table(file: InputFile) -> Variables:
+    from mssegment.datasets.tables import read_table
+
+    return read_table(file.content, file.name)
+
+
+def _json(file: InputFile) -> Variables:
+    try:
+        found = json.loads(file.content.decode("utf-8-sig"))
+    except (UnicodeDecodeError, ValueError, RecursionError) as error:
+        raise DataError(f"{file.name}: not JSON ({error}); expected tracks") from None
+    if isinstance(found, dict):
+        if str(found.get("schema", "")).startswith("mssegment/"):
+            raise DataError(
+                f"{file.name}: an mssegment document, which needs no import: pass it to `mssegment "
+                "hypothesize` or `mssegment run`"
+            )
+        return found
+    return {"": found}
+
+
+CONTAINERS: dict[str, Callable[[InputFile], Variables]] = {
+    "table": _table,
+    "numpy": _numpy,
+    "matlab": _matlab,
+    "hdf5": _hdf5,
+    "json": _json,
+    "database": _database,
+}
+"""The kinds of files, and how the content of each is read."""

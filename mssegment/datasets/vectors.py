@@ -1,0 +1,73 @@
+"""Vectors named like the columns of a table: Matlab variables, npz arrays, JSON records."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from mssegment.datasets import matches, sightings
+from mssegment.datasets.base import DataSet, ImportedTracks
+from mssegment.datasets.containers import InputFile, Variables
+from mssegment.datasets.tables import Table
+from mssegment.errors import DataError
+
+
+def recognises(content: Variables) -> bool:
+    """Whether vectors or records have the names of the columns of a table of tracks."""
+    table = _table(content, "")
+    return table is not None and (matches.recognises(table) or sightings.recognises(table))
+
+
+def read(file: InputFile) -> ImportedTracks:
+    """Read vectors as a table is read; raises DataError if a value is not valid."""
+    table = _table(file.variables, file.name)
+    if table is None:
+        raise DataError(f"{file.name}: no vectors of one length; expected x1, y1, x2, y2")
+    if matches.recognises(table):
+        return matches.read_matches(table, file)
+    return sightings.read_sightings(table, file)
+
+
+def _table(content: Variables, name: str) -> Table | None:
+    records = content.get("")
+    if isinstance(records, list) and records and all(isinstance(r, dict) for r in records):
+        columns = {key: [_cell(row.get(key)) for row in records] for key in records[0]}
+    else:
+        columns = {key: _cells(value) for key, value in content.items() if _is_vector(value)}
+        lengths = [len(cells) for cells in columns.values()]
+        usual = max(set(lengths), key=lengths.count, default=0)
+        columns = {key: cells for key, cells in columns.items() if len(cells) == usual > 1}
+    if not columns:
+        return None
+    lower = {key.lower(): cells for key, cells in columns.items()}
+    return Table(name, lower, range(1, len(next(iter(lower.values()))) + 1))
+
+
+def _is_vector(value: Any) -> bool:
+    if isinstance(value, list):
+        return not any(isinstance(part, list | dict) for part in value)
+    return isinstance(value, np.ndarray) and value.dtype.kind in "biufUS" and _long(value.shape)
+
+
+def _long(shape: tuple[int, ...]) -> bool:
+    return len([n for n in shape if n != 1]) <= 1 and bool(shape)
+
+
+def _cells(value: Any) -> list[str]:
+    return [_cell(part) for part in (value if isinstance(value, list) else value.ravel().tolist())]
+
+
+def _cell(value: Any) -> str:
+    if value is None:
+        return ""
+    return repr(value) if isinstance(value, float) else str(value)
+
+
+VECTORS = DataSet(
+    "vectors",
+    "vectors named x1, y1, x2, y2 or track, frame, x, y (.mat, .npz, JSON, HDF5)",
+    ("matlab", "numpy", "json", "hdf5"),
+    recognises,
+    read,
+)

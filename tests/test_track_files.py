@@ -1,0 +1,391 @@
+"""Files of tracks as trackers, spreadsheets and scripts write them: all give the same tracks."""
+
+from __future__ import annotations
+
+import io
+import json
+import sqlite3
+from collections.abc import Callable
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+import scipy.io
+
+from mssegment import datasets
+from mssegment.errors import DataError
+from mssegment.records import Floats
+
+TRACKS, FRAMES = 9, 5
+
+
+@pytest.fixture
+def points(rng: np.random.Generator) -> Floats:
+    """Tracks [P, F, 2] that move little, with three decimals."""
+    start = rng.uniform(20, 300, (TRACKS, 1, 2))
+    steps = rng.normal(0, 1, (TRACKS, FRAMES, 2)) + np.array([3, 1])
+    return np.round(start + np.cumsum(steps, axis=1), 3)
+
+
+def table(points: Floats, names: str, separator: str = ",", number: str = "{:.3f}") -> str:
+    rows = [
+        separator.join(number.format(v) for v in row) for row in points.reshape(len(points), -1)
+    ]
+    head = [names.replace(",", separator)] if names else []
+    return "\n".join([*head, *rows]) + "\n"
+
+
+def sightings(points: Floats, names: str, row: str) -> str:
+    rows = [
+        row.format(p=p, f=f, x=points[p, f, 0], y=points[p, f, 1])
+        for f in range(points.shape[1])
+        for p in range(len(points))
+    ]
+    return "\n".join([names, *rows] if names else rows) + "\n"
+
+
+def savetxt(points: Floats, **options: str) -> str:
+    out = io.StringIO()
+    np.savetxt(out, points.reshape(len(points), -1), **options)
+    return out.getvalue()
+
+
+MATCHES: dict[str, Callable[[Floats], str | bytes]] = {
+    "comma": lambda p: table(p, "x1,y1,x2,y2"),
+    "no header": lambda p: table(p, ""),
+    "tab": lambda p: table(p, "x1,y1,x2,y2", "\t"),
+    "decimal comma": lambda p: table(p, "x1,y1,x2,y2", ";").replace(".", ","),
+    "tab, decimal comma": lambda p: table(p, "x1,y1,x2,y2", "\t").replace(".", ","),
+    "quoted decimal comma": lambda p: table(p, "x1,y1,x2,y2", '","', "{:.3f}")
+    .replace("\n", '"\n"').rstrip('"').replace(".", ",").join(['"', ""]),
+    "blanks": lambda p: table(p, "x1,y1,x2,y2", "  "),
+    "bars": lambda p: table(p, "x1,y1,x2,y2", " | "),
+    "savetxt": lambda p: savetxt(p),
+    "savetxt, header": lambda p: savetxt(p, header="x1,y1,x2,y2", delimiter=","),
+    "savetxt, header in blanks": lambda p: savetxt(p, header="x1 y1 x2 y2", fmt="%.4f"),
+    "sep=": lambda p: "sep=;\n" + table(p, "x1,y1,x2,y2", ";"),
+    "utf-16": lambda p: table(p, "x1,y1,x2,y2", "\t").encode("utf-16"),
+    "utf-16 without mark": lambda p: table(p, "x1,y1,x2,y2", "\t").encode("utf-16-le"),
+    "utf-8 with mark": lambda p: table(p, "X1,Y1,X2,Y2").encode("utf-8-sig"),
+    "windows": lambda p: table(p, "x1,y1,x2,y2").replace("\n", "\r\n"),
+    "latin-1": lambda p: ("# Länge in Pixeln\n" + table(p, "x1,y1,x2,y2")).encode("latin-1"),
+    "uv": lambda p: table(p, "u1,v1,u2,v2"),
+    "from 0": lambda p: table(p, "x0,y0,x1,y1"),
+    "kornia": lambda p: table(p, "mkpts0_x,mkpts0_y,mkpts1_x,mkpts1_y"),
+    "left and right": lambda p: table(p, "x_left,y_left,x_right,y_right"),
+    "units": lambda p: table(p, "X1 [px],Y1 [px],X2 [px],Y2 [px]"),
+    "trailing separator": lambda p: table(p, "x1,y1,x2,y2").replace("\n", ",\n"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("dialect", MATCHES)
+@pytest.mark.parametrize("suffix", ["csv", "txt", "dat"])
+def test_matches_in_every_dialect(
+    points: Floats, tmp_path: Path, dialect: str, suffix: str
+) -> None:
+    content = MATCHES[dialect](points[:, :2])
+    path = tmp_path / f"matches.{suffix}"
+    path.write_bytes(content if isinstance(content, bytes) else content.encode())
+    found = datasets.read(path)
+    np.testing.assert_allclose(found.tracks.points, points[:, :2], atol=1e-3)
+    assert found.tracks.labels is None
+
+
+SIGHTINGS = {
+    "plain": ("track,frame,x,y", "{p},{f},{x},{y}"),
+    "napari": ("track_id,t,y,x", "{p},{f},{y},{x}"),
+    "trackpy": (",y,x,mass,size,frame,particle", "0,{y},{x},1.5,2,{f},{p}"),
+    "trackpy, floats": ("y,x,frame,particle", "{y},{x},{f}.0,{p}.0"),
+    "text ids": ("Track,Frame,X,Y", "Track_{p},{f},{x},{y}"),
+    "names of files": ("id;image;x;y", "{p};img_{f}.png;{x};{y}"),
+    "times": ("id\ttime\tx\ty", "{p}\t0.{f}\t{x}\t{y}"),
+    "confidence": ("track,frame,x,y,confidence", "{p},{f},{x},{y},0.9"),
+    "text column": ("track,frame,x,y,label", "{p},{f},{x},{y},car"),
+    "boxes": ("frame,id,left,top,width,height", "{f},{p},{x},{y},0,0"),
+    "two corners": ("frame,id,x1,y1,x2,y2", "{f},{p},{x},{y},{x},{y}"),
+    "no header": ("", "{f},{p},{x},{y}"),
+    "large ids": ("track,frame,x,y", "900719925474099300{p},{f},{x},{y}"),
+}
+
+
+@pytest.mark.parametrize("dialect", SIGHTINGS)
+def test_sightings_in_every_dialect(points: Floats, tmp_path: Path, dialect: str) -> None:
+    path = tmp_path / "tracks.csv"
+    path.write_text(sightings(points, *SIGHTINGS[dialect]))
+    found = datasets.read(path)
+    np.testing.assert_allclose(found.tracks.points, points)
+    assert found.tracks.labels is None
+    assert found.ids is not None
+    assert [text[-1] for text in found.ids] == [str(p) for p in range(TRACKS)]
+
+
+def test_trackmate_has_three_lines_of_headings(points: Floats, tmp_path: Path) -> None:
+    row = "ID{p},{p}{f},{p},5.1,{x},{y},0,{f}.0,{f}"
+    names = "LABEL,ID,TRACK_ID,QUALITY,POSITION_X,POSITION_Y,POSITION_Z,POSITION_T,FRAME"
+    headings = [
+        "Label,Spot ID,Track ID,Quality,X,Y,Z,T,Frame",
+        "Label,Spot ID,Track ID,Quality,X,Y,Z,T,Frame",
+        ",,,(quality),(pixel),(pixel),(pixel),(sec),",
+    ]
+    path = tmp_path / "spots.csv"
+    body = sightings(points, "\n".join([names, *headings]), row)
+    path.write_text(body + "ID99,99,,5.1,1,2,0,0,0\n")
+    found = datasets.read(path)
+    np.testing.assert_allclose(found.tracks.points, points)
+    assert any("1 positions belong to no track" in note for note in found.notes)
+
+
+def test_motchallenge_boxes_are_their_centres(points: Floats, tmp_path: Path) -> None:
+    path = tmp_path / "gt.txt"
+    rows = sightings(points, "", "{f},{p},{x},{y},10,20,1,-1,-1,-1")
+    path.write_text(rows + f"0,{TRACKS},5,5,10,20,0,-1,-1,-1\n")
+    found = datasets.read(path)
+    np.testing.assert_allclose(found.tracks.points, points + np.array([5, 10]))
+    assert "1 boxes are marked as not considered: left out" in found.notes
+
+
+def test_every_view_of_a_wide_table_is_used(points: Floats, tmp_path: Path) -> None:
+    names = ",".join(f"x{f},y{f}" for f in range(1, FRAMES + 1))
+    (tmp_path / "wide.csv").write_text(table(points, names))
+    np.testing.assert_array_equal(datasets.read(tmp_path / "wide.csv").tracks.points, points)
+    (tmp_path / "bare.csv").write_text(table(points, ""))
+    np.testing.assert_array_equal(datasets.read(tmp_path / "bare.csv").tracks.points, points)
+
+
+def test_what_is_not_visible_is_nan(points: Floats, tmp_path: Path) -> None:
+    path = tmp_path / "tracks.csv"
+    plain = sightings(points, "track,frame,x,y,visible", "{p},{f},{x},{y},1").splitlines()
+    plain[1] = "0,0,9999,-9999,0"
+    plain[2] = "1,0,nan,nan,1"
+    plain[3] = "2,0,,,1"
+    path.write_text("\n".join(plain))
+    found = datasets.read(path)
+    lost = np.isnan(found.tracks.points).all(axis=-1)
+    assert np.argwhere(lost).tolist() == [[0, 0], [1, 0], [2, 0]]
+    assert any(note.startswith("1 of 45 positions are not visible") for note in found.notes)
+
+
+def test_matches_with_a_missing_view_keep_their_line(tmp_path: Path) -> None:
+    path = tmp_path / "m.csv"
+    path.write_text("x1,y1,x2,y2,score\n1,2,3,4,.5\n5,6,,,.1\n7,8,9,10,.2\n")
+    found = datasets.read(path)
+    assert np.isnan(found.tracks.points[1, 1]).all()
+    assert len(found.tracks.points) == 3
+    assert "column ignored: score" in found.notes
+
+
+@pytest.mark.parametrize(("given", "read"), [("-1", 0), ("", 0), ("2", 2), ("2.0", 2)])
+def test_labels_as_clustering_programs_write_them(tmp_path: Path, given: str, read: int) -> None:
+    path = tmp_path / "m.csv"
+    path.write_text(f"x1,y1,x2,y2,label\n1,2,3,4,{given}\n5,6,7,8,1\n")
+    labels = datasets.read(path).tracks.labels
+    assert labels is not None
+    assert labels.tolist() == [read, 1]
+
+
+def test_pixel_grids_without_a_header_are_matches(tmp_path: Path) -> None:
+    x, y = np.meshgrid(np.arange(12), np.arange(10))
+    first = np.stack([x, y], axis=-1).reshape(-1, 2)
+    second = first + np.array([3, 2])
+    np.savetxt(tmp_path / "flow.txt", np.hstack([first, second]), fmt="%d")
+    assert datasets.read(tmp_path / "flow.txt").tracks.points.shape == (120, 2, 2)
+
+
+@pytest.mark.parametrize("swap", [False, True])
+@pytest.mark.parametrize("batch", [False, True])
+@pytest.mark.parametrize("named", [False, True])
+def test_arrays_of_neural_trackers(
+    points: Floats, tmp_path: Path, swap: bool, batch: bool, named: bool
+) -> None:
+    array = points.swapaxes(0, 1) if swap else points
+    visible = np.ones(points.shape[:2], bool)
+    visible[2, 1] = False
+    flags = visible.T if swap else visible
+    if batch:
+        array, flags = array[None], flags[None]
+    names = ("pred_tracks", "pred_visibility") if named else ("xy", "visible")
+    path = tmp_path / "tracks.npz"
+    np.savez(path, **{names[0]: array.astype(np.float32), names[1]: flags}, fps=25)
+    found = datasets.read(path)
+    expected = np.where(visible[..., None], points, np.nan)
+    np.testing.assert_allclose(found.tracks.points, expected, atol=1e-4)
+    np.savez(path, **{names[0]: array, "occluded": ~flags})
+    np.testing.assert_allclose(datasets.read(path).tracks.points, expected)
+
+
+def test_a_grid_of_queries_is_not_taken_for_time(tmp_path: Path) -> None:
+    """The tracks of a regular grid lie closer to each other than a fast one is to itself."""
+    y, x = np.mgrid[0:200:4, 0:300:4]
+    start = np.stack([x, y], axis=-1).reshape(-1, 1, 2)
+    fast = start + np.arange(12)[:, None] * [9, 5]
+    for array in (fast, fast.swapaxes(0, 1)):
+        np.save(tmp_path / "t.npy", array)
+        np.testing.assert_array_equal(datasets.read(tmp_path / "t.npy").tracks.points, fast)
+
+
+def test_other_containers_of_arrays(points: Floats, tmp_path: Path) -> None:
+    np.save(tmp_path / "t.npy", points)
+    (tmp_path / "t.json").write_text(json.dumps(points.tolist()))
+    scipy.io.savemat(tmp_path / "t.mat", {"tracks": points})
+    scipy.io.savemat(tmp_path / "struct.mat", {"data": {"tracks": points, "note": "mine"}})
+    for name in ("t.npy", "t.json", "t.mat", "struct.mat"):
+        np.testing.assert_array_equal(datasets.read(tmp_path / name).tracks.points, points)
+    rows = [
+        [p, f, *points[p, f, ::-1]] for p in range(TRACKS) for f in range(FRAMES)
+    ]  # fmt: skip
+    np.save(tmp_path / "napari.npy", np.array(rows))
+    np.testing.assert_array_equal(datasets.read(tmp_path / "napari.npy").tracks.points, points)
+
+
+def test_null_in_json_is_not_visible(points: Floats, tmp_path: Path) -> None:
+    nested = points.tolist()
+    nested[1][2] = None
+    nested[3][0] = [None, None]
+    (tmp_path / "t.json").write_text(json.dumps(nested))
+    lost = np.isnan(datasets.read(tmp_path / "t.json").tracks.points).all(axis=-1)
+    assert np.argwhere(lost).tolist() == [[1, 2], [3, 0]]
+
+
+def test_vectors_by_the_names_of_columns(points: Floats, tmp_path: Path) -> None:
+    names = ("x1", "y1", "x2", "y2")
+    vectors = dict(zip(names, points[:, :2].reshape(-1, 4).T, strict=True))
+    scipy.io.savemat(tmp_path / "v.mat", {"table": vectors})
+    np.savez(tmp_path / "v.npz", **vectors)
+    records = [dict(zip(names, row, strict=True)) for row in points[:, :2].reshape(-1, 4).tolist()]
+    (tmp_path / "v.json").write_text(json.dumps(records))
+    for name in ("v.mat", "v.npz", "v.json"):
+        np.testing.assert_array_equal(datasets.read(tmp_path / name).tracks.points, points[:, :2])
+
+
+@pytest.mark.parametrize("matches", ["pairs", "partners", "rows"])
+def test_lightglue_and_superglue(
+    points: Floats, tmp_path: Path, rng: np.random.Generator, matches: str
+) -> None:
+    order = rng.permutation(TRACKS)
+    first, second = points[:, 0], points[order, 1]
+    partner = np.argsort(order)
+    kept = np.arange(TRACKS) if matches == "rows" else np.arange(0, TRACKS, 2)
+    content = {"keypoints0": first, "keypoints1": second}
+    if matches == "rows":
+        content["keypoints1"] = points[:, 1]
+    elif matches == "pairs":
+        content["matches"] = np.stack([kept, partner[kept]], axis=1)
+    else:
+        content["matches0"] = np.where(np.arange(TRACKS) % 2, -1, partner)
+    np.savez(tmp_path / "pair.npz", **content)
+    found = datasets.read(tmp_path / "pair.npz")
+    np.testing.assert_array_equal(found.tracks.points, points[kept, :2])
+    assert found.ids == tuple(map(str, kept))
+
+
+def colmap_database(path: Path, points: Floats, names: list[str]) -> None:
+    """A database as COLMAP 3.x lays it out."""
+    database = sqlite3.connect(path)
+    database.execute("create table images (image_id integer, name text, camera_id integer)")
+    for name in ("keypoints", "matches", "two_view_geometries"):
+        key = "image_id" if name == "keypoints" else "pair_id"
+        database.execute(
+            f"create table {name} ({key} integer, rows integer, cols integer, data blob)"
+        )
+    for image, name in enumerate(names, 1):
+        database.execute("insert into images values (?, ?, 1)", (image, name))
+        own = np.zeros((len(points), 6), np.float32)
+        own[:, :2] = points[:, image - 1] + 0.5
+        row = (image, *own.shape, own.tobytes())
+        database.execute("insert into keypoints values (?, ?, ?, ?)", row)
+    for second in range(2, len(names) + 1):
+        pairs = np.repeat(np.arange(len(points), dtype=np.uint32)[:, None], 2, axis=1)
+        row = (2147483647 + second, *pairs.shape, pairs.tobytes())
+        database.execute("insert into matches values (?, ?, ?, ?)", row)
+    database.commit()
+    database.close()
+
+
+def test_colmap_database(points: Floats, tmp_path: Path) -> None:
+    colmap_database(tmp_path / "two.db", points, ["a.jpg", "b.jpg"])
+    found = datasets.read(tmp_path / "two.db")
+    np.testing.assert_allclose(found.tracks.points, points[:, :2], atol=1e-4)
+    colmap_database(tmp_path / "three.db", points, ["a.jpg", "b.jpg", "c.jpg"])
+    with pytest.raises(DataError, match=r"2 pairs of images .*choose one: '.*three.db#a.jpg,b"):
+        datasets.read(tmp_path / "three.db")
+    found = datasets.read(f"{tmp_path / 'three.db'}#a.jpg,c.jpg")
+    np.testing.assert_allclose(found.tracks.points, points[:, [0, 2]], atol=1e-4)
+
+
+def test_hdf5_of_hloc_and_matlab(points: Floats, tmp_path: Path) -> None:
+    h5py = pytest.importorskip("h5py")
+    with h5py.File(tmp_path / "features.h5", "w") as file:
+        for f, name in enumerate(("db/1.jpg", "query/2.jpg")):
+            file[f"{name}/keypoints"] = points[:, f].astype(np.float32)
+    with h5py.File(tmp_path / "matches.h5", "w") as file:
+        partner = np.where(np.arange(TRACKS) == 4, -1, np.arange(TRACKS))
+        file["db-1.jpg/query-2.jpg/matches0"] = partner.astype(np.int16)
+    found = datasets.read(tmp_path / "matches.h5")
+    kept = np.delete(np.arange(TRACKS), 4)
+    np.testing.assert_allclose(found.tracks.points, points[kept, :2], atol=1e-4)
+    with h5py.File(tmp_path / "plain.h5", "w") as file:
+        file["tracks"] = points
+    np.testing.assert_array_equal(datasets.read(tmp_path / "plain.h5").tracks.points, points)
+    path = tmp_path / "v73.mat"
+    with h5py.File(path, "w", userblock_size=512) as file:
+        file["tracks"] = points.T
+    path.write_bytes(b"MATLAB 7.3 MAT-file".ljust(512, b"\0") + path.read_bytes()[512:])
+    np.testing.assert_array_equal(datasets.read(path).tracks.points, points)
+
+
+def test_tracks_of_opencv(tmp_path: Path, rng: np.random.Generator) -> None:
+    """What ``cv2.calcOpticalFlowPyrLK`` returns, saved as users do, with its status."""
+    first = cv2.GaussianBlur(rng.integers(0, 255, (120, 160), dtype=np.uint8), (0, 0), 1.5)
+    second = np.roll(first, (2, 3), axis=(0, 1))
+    corners = cv2.goodFeaturesToTrack(first, 40, 0.01, 8)
+    moved, status, _ = cv2.calcOpticalFlowPyrLK(first, second, corners, None)
+    path = tmp_path / "klt.npz"
+    np.savez(path, tracks=np.concatenate([corners, moved], axis=1), valid=status.repeat(2, axis=1))
+    found = datasets.read(path).tracks.points
+    assert found.shape == (len(corners), 2, 2)
+    inside = np.abs(np.nan_to_num(found[:, 1] - found[:, 0]) - [3, 2]).max(axis=1) < 0.2
+    assert inside.mean() > 0.8
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "words"),
+    [
+        ("t.csv", b"a,b\n1,2\n", "a table with the columns a, b; expected x1,y1,x2,y2"),
+        ("t.txt", b"1 2 3\n4 5 6\n", "3 columns without names; expected a first line"),
+        ("t.json", b'{"boxes": [1, 2]}', "holds boxes .list.; expected an array of tracks"),
+        ("t.json", b"[1, 2", "not JSON"),
+        ("t.json", b'{"schema": "mssegment/tracks/1"}', "an mssegment document"),
+        ("t.bin", b"abc\0\1\2", "a binary file of an unknown kind"),
+        ("t.npz", b"PK\x03\x04broken", "damaged archive"),
+        ("t.npy", b"\x93NUMPY\1\0", "damaged numpy file"),
+        ("t.db", b"SQLite format 3\0" + bytes(100), "database"),
+        ("t.csv", b"", "empty"),
+    ],
+)
+def test_what_cannot_be_read_says_what_it_is(
+    tmp_path: Path, name: str, content: bytes, words: str
+) -> None:
+    path = tmp_path / name
+    path.write_bytes(content)
+    with pytest.raises(DataError, match=words) as caught:
+        datasets.read(path)
+    assert str(path) in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_pickled_objects_are_never_loaded(tmp_path: Path) -> None:
+    np.savez(tmp_path / "t.npz", tracks=np.array([{"x": 1}], dtype=object))
+    with pytest.raises(DataError, match="expected an array"):
+        datasets.read(tmp_path / "t.npz")
+    np.save(tmp_path / "t.npy", np.array([{"x": 1}], dtype=object))
+    with pytest.raises(DataError, match="pickled"):
+        datasets.read(tmp_path / "t.npy")
+
+
+def test_several_arrays_must_be_named(points: Floats, tmp_path: Path) -> None:
+    np.savez(tmp_path / "t.npz", one=points, two=points + 1)
+    with pytest.raises(DataError, match=r"choose one: '.*t.npz#one'"):
+        datasets.read(tmp_path / "t.npz")
+    found = datasets.read(f"{tmp_path / 't.npz'}#two")
+    np.testing.assert_array_equal(found.tracks.points, points + 1)
