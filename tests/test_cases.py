@@ -14,7 +14,7 @@ KINDS = {
     "killed": ("kill -ABRT $$", "survives", "killed by SIGABRT", ["crash"]),
     "bug": ("python -c 'raise ValueError(3)'", "no bug", "exit 1: ValueError: 3", ["crash"]),
     "wrong": ("mssegment run m.csv --format text", "3 motions", "1 motion", ["expected 3 motions"]),
-    "writes": ("touch mine; ls", "cmd expect mine", "cmd / expect / mine", []),
+    "writes": ("touch mine; ls mine", "mine", "mine", []),
 }
 
 
