@@ -193,11 +193,11 @@ class _Pictures:
 
 def _is_file_of_tracks(document: SegmentationDocument) -> bool:
     """Whether the frames are those of a file of tracks, and not pictures."""
+    if not document.frames or not any(entry.stage == "import" for entry in document.history):
+        return False
     from mssegment.datasets.containers import holds_data
     from mssegment.imaging.pictures import looks_like_picture
 
-    if not document.frames or not any(entry.stage == "import" for entry in document.history):
-        return False
     path = document.frames[0].path
     try:
         with Path(path).open("rb") as file:

@@ -168,7 +168,6 @@ def _configuration(
 
 def are_tracks(path: str) -> bool:
     """Whether an input is a file of tracks rather than pictures or a video, from its content."""
-    from mssegment.datasets.containers import holds_data
     from mssegment.imaging.pictures import looks_like_picture
 
     name = path if os.path.exists(path) else path.rpartition("#")[0] or path
@@ -178,7 +177,11 @@ def are_tracks(path: str) -> bool:
         return Path(name).suffix.lower() in _TRACK_FILES
     with Path(name).open("rb") as file:
         head = file.read(1024)
-    return bool(head) and not looks_like_picture(name, head) and holds_data(name, head)
+    if not head or looks_like_picture(name, head):
+        return False
+    from mssegment.datasets.containers import holds_data
+
+    return holds_data(name, head)
 
 
 def _tracks(configuration: Configuration, console: Console) -> TracksDocument | None:
