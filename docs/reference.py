@@ -5,7 +5,9 @@ Run ``python -m docs.reference`` (or ``make docs``); a test fails if they differ
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import click
 from click.testing import CliRunner
@@ -14,7 +16,7 @@ from mssegment.cli import COMMANDS, cli
 from mssegment.cli.common import flag_of
 from mssegment.configuration import KEYS
 from mssegment.models import MODELS, automatic
-from mssegment.registry import DATASETS
+from mssegment.registry import CAMERAS, DATASETS
 
 ROOT = Path(__file__).parents[1]
 
@@ -76,16 +78,16 @@ def readme_with_tables(text: str) -> str:
     return text
 
 
-def formats_list() -> str:
-    """The formats of tracks, for the guide."""
-    return "\n".join(f"- {entry.title}" for entry in DATASETS.values())
-
-
-def guide_with_formats(text: str) -> str:
-    """The guide on tracks with its generated list replaced."""
-    begin, end = (f"<!-- formats of tracks: {word} -->" for word in ("begin", "end"))
-    before, rest = text.split(begin)
-    return f"{before}{begin}\n{formats_list()}\n{end}{rest.split(end)[1]}"
+def guide_with_lists(text: str) -> str:
+    """A page of the guide with its generated lists of formats replaced."""
+    lists: dict[str, Mapping[str, Any]] = {"formats of tracks": DATASETS, "camera formats": CAMERAS}
+    for name, registry in lists.items():
+        begin, end = (f"<!-- {name}: {word} -->" for word in ("begin", "end"))
+        if begin in text:
+            before, rest = text.split(begin)
+            rows = "\n".join(f"- {entry.title}" for entry in registry.values())
+            text = f"{before}{begin}\n{rows}\n{end}{rest.split(end)[1]}"
+    return text
 
 
 def _shown(value: object) -> str:
@@ -101,8 +103,8 @@ def _keys_of(name: str) -> set[str]:
 
 def main() -> None:
     """Write the files."""
-    tracks = ROOT / "docs" / "guide" / "tracks.md"
-    tracks.write_text(guide_with_formats(tracks.read_text(encoding="utf-8")), encoding="utf-8")
+    for page in (ROOT / "docs" / "guide").glob("*.md"):
+        page.write_text(guide_with_lists(page.read_text(encoding="utf-8")), encoding="utf-8")
     (ROOT / "docs" / "commands.md").write_text(commands_page(), encoding="utf-8")
     readme = ROOT / "README.md"
     readme.write_text(readme_with_tables(readme.read_text(encoding="utf-8")), encoding="utf-8")

@@ -144,7 +144,7 @@ def _configuration(
 ) -> Configuration:
     given = from_mapping(settings or {}, "settings")
     if camera is not None:
-        for name in ("fx", "fy", "cx", "cy", "distortion"):
+        for name in ("fx", "fy", "cx", "cy", "distortion", "distortion_model"):
             given.append(Setting(f"camera.{name}", getattr(camera, name), "camera"))
     return resolve([*given, *more])
 

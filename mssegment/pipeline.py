@@ -181,7 +181,12 @@ def hypothesize(document: TracksDocument, configuration: Configuration) -> Hypot
     from mssegment.sampling.strategy import check_sampling, draw
     from mssegment.stage_checks import nothing_moves
 
-    camera = camera_of(configuration.camera) or document.camera
+    camera, camera_notes = camera_for(
+        document.frames,
+        configuration,
+        document.camera,
+        are_pictures=any(entry.stage == "detect" for entry in document.history),
+    )
     points = straight(document.tracks.points, camera)
     background = find_background(
         points,
@@ -189,7 +194,7 @@ def hypothesize(document: TracksDocument, configuration: Configuration) -> Hypot
         remove=configuration.background.remove,
         min_displacement=configuration.background.min_displacement,
     )
-    notes, frames = background.notes, points.shape[1]
+    notes, frames = (*camera_notes, *background.notes), points.shape[1]
     options, strategy = _sampling(configuration, frames)
     check_sampling(options, strategy, frames)
     if nothing_moves(background.status, options.models(frames)):
@@ -278,6 +283,54 @@ def _with_camera(
         return found
     note = f"motion {label} is that of the static world, seen by the moving camera"
     return replace(found, camera_motion=label, notes=(*found.notes, note))
+
+
+def camera_for(
+    frames: list[Frame],
+    configuration: Configuration,
+    earlier: Camera | None = None,
+    *,
+    are_pictures: bool = True,
+) -> tuple[Camera | None, tuple[str, ...]]:
+    """The camera of the configuration, checked against the frames, and notes on it.
+
+    Parameters
+    ----------
+    frames : list of Frame
+        The frames.
+    configuration : Configuration
+        Its camera has precedence.
+    earlier : Camera, optional
+        The camera of an earlier stage or of an imported file.
+    are_pictures : bool
+        Whether the size of the frames is that of pictures, and not only what holds the tracks.
+
+    Returns
+    -------
+    camera : Camera or None
+    notes : tuple of str
+
+    Raises
+    ------
+    ConfigurationError
+        If the camera file cannot be read, or the camera cannot be that of the frames.
+    """
+    from mssegment.models import MODELS
+
+    camera = camera_of(configuration.camera)
+    if camera is None:
+        return earlier, ()
+    notes: tuple[str, ...] = ()
+    if frames and are_pictures:
+        from mssegment.cameras import fitted
+
+        camera, notes = fitted(camera, *_size(frames))
+    names = _sampling(configuration, len(frames))[0].models(len(frames))
+    if not any(camera.distortion) and not any(MODELS[name].needs_camera for name in names):
+        own = " and ".join(dict.fromkeys(names))
+        needing = " or ".join(name for name, model in MODELS.items() if model.needs_camera)
+        notes += (f"the camera is not used: {own} needs none; --model {needing} does",)
+    return camera, notes
 
 
 def check_settings(configuration: Configuration, frames: int, threads: int = 1) -> None:
@@ -430,6 +483,7 @@ def run(
             source = source or open_input(configuration)
         opened = source
         check_settings(configuration, len(source), threads)
+        camera_for(list(source.frames), configuration)  # before the work starts
         corners = timed("detect", lambda: detect(configuration, opened))
         found = corners
         tracks = timed("match", lambda: match(found, configuration, opened))

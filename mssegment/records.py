@@ -60,6 +60,9 @@ class Frame(Record, frozen=True):
         The SHA-256 of the file.
     index : int or None
         The index of the frame inside a video or a file of tracks; None for an image file.
+    time : float or None
+        When the frame is shown, in seconds from the first one of its video; None where the source
+        has no times.
     """
 
     path: str
@@ -67,6 +70,7 @@ class Frame(Record, frozen=True):
     height: int
     sha256: str = ""
     index: int | None = None
+    time: float | None = None
 
 
 class Camera(Record, frozen=True):
@@ -79,7 +83,13 @@ class Camera(Record, frozen=True):
     cx, cy : float
         Principal point in pixels; pixel centres are at whole numbers from 0.
     distortion : tuple of float
-        Distortion coefficients in OpenCV's order: k1, k2, p1, p2, k3, ...
+        Distortion coefficients in OpenCV's order: k1, k2, p1, p2, k3, ...; of a fisheye lens k1,
+        k2, k3, k4.
+    distortion_model : {"brown", "fisheye"}
+        What the coefficients are of: Brown's polynomial, or the equidistant projection of a
+        fisheye lens (Kannala and Brandt).
+    width, height : int or None
+        The size of the pictures that the camera was calibrated for, where it is known.
     """
 
     fx: float
@@ -87,6 +97,9 @@ class Camera(Record, frozen=True):
     cx: float
     cy: float
     distortion: tuple[float, ...] = ()
+    distortion_model: Literal["brown", "fisheye"] = "brown"
+    width: int | None = None
+    height: int | None = None
 
     @property
     def matrix(self) -> Floats:

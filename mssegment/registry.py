@@ -114,3 +114,16 @@ DATASETS: Registry[Any] = Registry(
     },
 )
 """The formats of tracks that ``import`` and ``run`` read, in the order in which they are tried."""
+
+CAMERAS: Registry[Any] = Registry(
+    "camera format",
+    {
+        "kitti": "mssegment.cameras.kitti:KITTI",
+        "colmap": "mssegment.cameras.colmap:COLMAP",
+        "bare_matrix": "mssegment.cameras.bare_matrix:BARE_MATRIX",
+        "matrix_keys": "mssegment.cameras.matrix_keys:MATRIX_KEYS",
+        "intrinsics": "mssegment.cameras.intrinsics:INTRINSICS",
+        "named_values": "mssegment.cameras.named_values:NAMED_VALUES",
+    },
+)
+"""The formats of camera files, in the order in which they are tried."""

@@ -18,7 +18,7 @@ LAYERS = [
     {"neighbours", "resources", "special"},
     {"manifolds", "geometry"},
     {"models", "evaluation"},
-    {"meanshift", "imaging", "datasets", "documents", "configuration"},
+    {"meanshift", "imaging", "datasets", "cameras", "documents", "configuration"},
     {"preprocessing"},
     {"sampling"},
     {"segmentation", "rendering", "labelling", "ground_truth", "history"},

@@ -181,7 +181,7 @@ def test_the_camera_comes_from_numbers_or_a_file(tmp_path: Path) -> None:
         ("1,2,3", "found 3 numbers; expected fx,fy,cx,cy"),
         ("1,2,3,x", "camera.cy is 'x'"),
         ("-1,2,3,4", "camera.fx is -1"),
-        ("none.yaml", "cannot be read"),
+        ("none.yaml", "no such camera file"),
     ],
 )
 def test_a_camera_that_is_none_is_said(text: str, said: str) -> None:
@@ -189,12 +189,15 @@ def test_a_camera_that_is_none_is_said(text: str, said: str) -> None:
         camera_of(resolve(camera_settings(text)).camera)
 
 
-def test_a_camera_file_holds_a_camera_and_nothing_else(tmp_path: Path) -> None:
+def test_a_camera_file_that_holds_none_is_said(tmp_path: Path) -> None:
     for text, said in (
         ("fx: 1\n", "camera.fy is missing"),
-        ("fx: 1\nzoom: 2\n", "unknown key camera.zoom"),
-        ("file: other.yaml\n", "may hold only fx, fy, cx, cy and distortion"),
+        ("fx: 1\nfy: 1\ncx: 1\ncy: 1\ndistorion: [1]\n", "unknown key distorion; did you mean"),
+        ("file: other.yaml\n", "no camera in this file, found the keys file"),
         ("7\n", "expected fx, fy, cx, cy"),
+        ("fx: 1\nfy: -1\ncx: 1\ncy: 1\n", "fy is -1; expected more than 0"),
+        ("fx: [1\n", "not YAML"),
+        ("", "empty"),
     ):
         path = write(tmp_path, text)
         with pytest.raises(ConfigurationError, match=said):

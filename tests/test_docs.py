@@ -12,7 +12,7 @@ from pathlib import Path
 import click
 import pytest
 
-from docs.reference import commands_page, readme_with_tables
+from docs.reference import commands_page, guide_with_lists, readme_with_tables
 from mssegment.cli import COMMANDS, cli, invoke
 from mssegment.configuration import KEYS
 from mssegment.manifolds import Manifold
@@ -42,6 +42,12 @@ def test_the_table_of_settings_is_the_program() -> None:
     assert readme_with_tables(README) == README, "run `make docs`"
     table = README.split("<!-- settings: begin -->")[1].split("<!-- settings: end -->")[0]
     assert re.findall(r"^\| `([a-z_.]+)`", table, re.MULTILINE) == list(KEYS)
+
+
+@pytest.mark.parametrize("page", sorted((ROOT / "docs" / "guide").glob("*.md")), ids=str)
+def test_the_lists_of_formats_are_the_registries(page: Path) -> None:
+    text = page.read_text(encoding="utf-8")
+    assert guide_with_lists(text) == text, "run `make docs`"
 
 
 @pytest.mark.parametrize("name", COMMANDS)

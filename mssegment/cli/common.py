@@ -86,7 +86,10 @@ def _option(name: str, key: str) -> Callable[[Any], Any]:
         default = "yes" if default else "no"
     shown = "" if default in (None, []) else f"  [default: {default}]"
     if key == _CAMERA:
-        text = "Calibrated camera: fx,fy,cx,cy in pixels, or a YAML or JSON file with these keys."
+        text = (
+            "Calibrated camera: fx,fy,cx,cy in pixels, a file with these keys, or the file of a "
+            "calibration program; FILE#NAME chooses one of several cameras."
+        )
         return click.option(flag_of(key), name, metavar="CAMERA", help=text)
     if isinstance(setting.default, bool):
         flag = flag_of(key)

@@ -211,16 +211,20 @@ def camera_of(settings: CameraSettings) -> Camera | None:
         given = [key for key, value in own.items() if value is not None]
         if given:
             raise ConfigurationError(f"camera.file and {given[0]} are both set; keep one of them")
-        from mssegment.configuration.files import read_camera
+        from mssegment.cameras import read_camera
 
-        settings = resolve(read_camera(settings.file)).camera
+        return read_camera(settings.file)
     found = {name: getattr(settings, name) for name in _INTRINSICS}
     missing = [name for name, value in found.items() if value is None]
     if len(missing) == len(_INTRINSICS):
         return None
     if missing:
         raise ConfigurationError(f"camera.{missing[0]} is missing; a camera needs fx, fy, cx, cy")
-    return Camera(**found, distortion=tuple(settings.distortion))
+    return Camera(
+        **found,
+        distortion=tuple(settings.distortion),
+        distortion_model=settings.distortion_model,
+    )
 
 
 def camera_settings(text: str) -> list[Setting]:

@@ -1,4 +1,4 @@
-"""Reading YAML: a configuration, a camera, or a single value, with the position of each error.
+"""Reading YAML: a configuration or a single value, with the position of each error.
 
 A module of its own because most commands read no YAML, and importing PyYAML takes longer than the
 rest of the configuration.
@@ -29,25 +29,6 @@ def read_settings(path: str) -> list[Setting]:
     except (OSError, UnicodeDecodeError) as error:
         raise ConfigurationError(f"{path}: cannot be read ({error})") from None
     return [_relative_to(Path(path).parent, s) for s in _flatten(_compose(text, path), path)]
-
-
-def read_camera(path: str) -> list[Setting]:
-    """The settings ``camera.*`` in a camera file.
-
-    Raises ConfigurationError if the file cannot be read or holds any other keys.
-    """
-    try:
-        node = _compose(Path(path).read_text(encoding="utf-8"), path)
-    except (OSError, UnicodeDecodeError) as error:
-        raise ConfigurationError(f"{path}: the camera file cannot be read ({error})") from None
-    if not isinstance(node, yaml.MappingNode):
-        raise ConfigurationError(f"{path}: no keys in this camera file; expected fx, fy, cx, cy")
-    settings = _flatten(node, path, section="camera")
-    if any(s.key in ("camera.file", "camera.derotate") for s in settings):
-        raise ConfigurationError(
-            f"{path}: a camera file may hold only fx, fy, cx, cy and distortion; remove the rest"
-        )
-    return settings
 
 
 def value_of(text: str, origin: str) -> Any:

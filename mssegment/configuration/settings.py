@@ -64,7 +64,11 @@ class CameraSettings(Section, frozen=True):
     """The calibrated camera, for models that need one."""
 
     file: Annotated[
-        str | None, Meta(description="YAML or JSON file with fx, fy, cx, cy, distortion.")
+        str | None,
+        Meta(
+            description="Camera file: fx, fy, cx, cy, distortion in YAML or JSON, or the file of a "
+            "calibration program; FILE#NAME chooses one of several cameras."
+        ),
     ] = None
     fx: Annotated[
         Annotated[float, Meta(gt=0)] | None, Meta(description="Horizontal focal length, in pixels.")
@@ -78,6 +82,13 @@ class CameraSettings(Section, frozen=True):
         list[float],
         Meta(description="Lens distortion coefficients k1, k2, p1, p2[, k3, ...] as in OpenCV."),
     ] = []
+    distortion_model: Annotated[
+        Literal["brown", "fisheye"],
+        Meta(
+            description="Model of the distortion; fisheye: the equidistant projection, with "
+            "coefficients k1, k2, k3, k4."
+        ),
+    ] = "brown"
     derotate: Annotated[
         Auto | bool,
         Meta(

@@ -9,6 +9,8 @@ from mssegment.errors import ConfigurationError
 from mssegment.records import Camera, Floats
 
 MAX_UNDISTORT_STEPS = 30
+MAX_FISHEYE_ERROR = 0.01
+"""Pixels by which a point may miss its own pixel after the distortion is undone and done again."""
 
 
 def undistort_points(points: Floats, camera: Camera) -> Floats:
@@ -19,24 +21,28 @@ def undistort_points(points: Floats, camera: Camera) -> Floats:
     points : float array [..., 2]
         Pixels; NaN stays NaN.
     camera : Camera
-        Calibration with the coefficients of OpenCV's distortion model (k1, k2, p1, p2, k3, ...).
+        Calibration with the coefficients of OpenCV's distortion model (k1, k2, p1, p2, k3, ...), or
+        of its fisheye model (k1, k2, k3, k4).
 
     Returns
     -------
     float array [..., 2]
-        Pixels without distortion; ``points`` itself where all coefficients are 0.
+        Pixels without distortion; ``points`` itself where all coefficients are 0. NaN for what a
+        fisheye lens sees at 90 degrees and more from its axis, where no pinhole camera sees.
 
     Raises
     ------
     ConfigurationError
-        For more than 14 coefficients.
+        For more than 14 coefficients, or more than 4 of a fisheye lens.
     """
     if not any(camera.distortion):
         return points
     flat = points.reshape(-1, 2)
     visible = np.isfinite(flat).all(axis=1)
     result = np.full_like(flat, np.nan)
-    if visible.any():
+    if visible.any() and camera.distortion_model == "fisheye":
+        result[visible] = _undistort_fisheye(flat[visible], camera)
+    elif visible.any():
         coefficients = _padded(camera.distortion)
         result[visible] = _undistort(flat[visible], camera.matrix, coefficients)
     return result.reshape(points.shape)
@@ -66,3 +72,22 @@ def _undistort(pixels: Floats, matrix: Floats, coefficients: Floats) -> Floats:
             break
         rays = rays - error
     return np.asarray(rays * focal + matrix[:2, 2])
+
+
+def _undistort_fisheye(pixels: Floats, camera: Camera) -> Floats:
+    """OpenCV's fisheye model: NaN where the ray does not meet the plane of a pinhole camera."""
+    if len(camera.distortion) > 4:
+        raise ConfigurationError(
+            f"camera.distortion: {len(camera.distortion)} coefficients of a fisheye lens, expected "
+            "k1, k2, k3, k4"
+        )
+    coefficients = np.zeros(4)
+    coefficients[: len(camera.distortion)] = camera.distortion
+    given = pixels.reshape(-1, 1, 2)
+    rays = cv2.fisheye.undistortPoints(given, camera.matrix, coefficients)
+    again = cv2.fisheye.distortPoints(rays, camera.matrix, coefficients)
+    # what OpenCV cannot invert it marks by a huge number
+    wrong = np.linalg.norm(again - given, axis=-1).ravel() > MAX_FISHEYE_ERROR
+    found = np.asarray(rays, np.float64).reshape(-1, 2)
+    found[wrong] = np.nan
+    return np.asarray(found * [camera.fx, camera.fy] + [camera.cx, camera.cy])

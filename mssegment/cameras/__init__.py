@@ -1,0 +1,83 @@
+"""Camera files of calibration programs: one module per format, named in ``registry.py``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from mssegment.cameras.base import CameraFile, CameraFormat
+from mssegment.cameras.checks import fitted
+from mssegment.errors import ConfigurationError
+from mssegment.records import Camera
+from mssegment.registry import CAMERAS
+
+__all__ = ["CAMERAS", "CameraFormat", "fitted", "read_camera"]
+
+
+def read_camera(path: str) -> Camera:
+    """Read a camera file.
+
+    Parameters
+    ----------
+    path : str
+        The file, or ``FILE#NAME`` for one of several cameras in it. The content determines the
+        format.
+
+    Returns
+    -------
+    Camera
+
+    Raises
+    ------
+    ConfigurationError
+        If the file cannot be read, has no camera, or has several and none is chosen.
+    """
+    file, name = _opened(path)
+    for form in CAMERAS.values():
+        found: dict[str, Camera] = form.read(file)
+        if found:
+            return _chosen(found, file, name)
+    raise ConfigurationError(f"{file.name}: {_looks_like(file)}")
+
+
+def _opened(path: str) -> tuple[CameraFile, str]:
+    name, member = path, ""
+    if not Path(path).exists() and "#" in path:
+        name, _, member = path.rpartition("#")
+    try:
+        return CameraFile(name, Path(name).read_bytes()), member
+    except FileNotFoundError:
+        raise ConfigurationError(f"{name}: no such camera file; check the name") from None
+    except OSError as error:
+        raise ConfigurationError(f"{name}: cannot be read ({error.strerror})") from None
+
+
+def _chosen(found: dict[str, Camera], file: CameraFile, name: str) -> Camera:
+    if name:
+        if name not in found:
+            raise ConfigurationError(
+                f"{file.name}: no camera '{name}'; found {', '.join(filter(None, found)) or 'one'}"
+            )
+        return found[name]
+    if len(found) > 1:
+        names = [name for name in found if name]
+        raise ConfigurationError(
+            f"{file.name}: holds {len(found)} cameras ({', '.join(names)}); choose one: "
+            f"'{file.name}#{names[0]}'"
+        )
+    return next(iter(found.values()))
+
+
+def _looks_like(file: CameraFile) -> str:
+    if not file.content.strip():
+        return "empty; expected a camera (fx, fy, cx, cy)"
+    if file.name.endswith(".bin"):
+        return (
+            "a binary file; of COLMAP's, give cameras.txt (`colmap model_converter` writes it "
+            "with --output_type TXT)"
+        )
+    keys = [str(key) for key in file.tree]
+    shown = f"the keys {', '.join(keys[:8])}" if keys else "no keys"
+    return (
+        f"no camera in this file, found {shown}; expected fx, fy, cx, cy, or a file of OpenCV, "
+        "ROS, Kalibr, EuRoC, ORB-SLAM, COLMAP, KITTI, Open3D or RealSense, or a 3x3 matrix"
+    )

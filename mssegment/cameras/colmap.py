@@ -1,0 +1,58 @@
+"""COLMAP's ``cameras.txt``."""
+
+from __future__ import annotations
+
+import re
+
+from mssegment.cameras.base import CameraFile, CameraFormat, camera
+from mssegment.errors import ConfigurationError
+from mssegment.records import Camera
+
+_CENTRE = 0.5
+"""COLMAP's centre of the first pixel."""
+_LINE = re.compile(r"(\d+)\s+([A-Z][A-Z_]+)\s+(\d+)\s+(\d+)((?:\s+[-+.\deE]+)+)")
+_FOCALS = {
+    "SIMPLE_PINHOLE": 1,
+    "PINHOLE": 2,
+    "SIMPLE_RADIAL": 1,
+    "RADIAL": 1,
+    "OPENCV": 2,
+    "FULL_OPENCV": 2,
+    "OPENCV_FISHEYE": 2,
+    "SIMPLE_RADIAL_FISHEYE": 1,
+    "RADIAL_FISHEYE": 1,
+}
+"""The models that can be read, and how many focal lengths each has."""
+
+
+def read(file: CameraFile) -> dict[str, Camera]:
+    """The cameras by their identifier.
+
+    Pixel centres, which COLMAP counts from 0.5, are moved to whole numbers. Raises
+    ConfigurationError for a camera model that is not known.
+    """
+    lines = [line.strip() for line in file.text.splitlines() if not line.lstrip().startswith("#")]
+    matches = [_LINE.fullmatch(line) for line in lines if line]
+    if not matches or not all(matches):
+        return {}
+    return {
+        match[1]: _camera(match, f"{file.name}: camera {match[1]}") for match in matches if match
+    }
+
+
+def _camera(match: re.Match[str], where: str) -> Camera:
+    model, values = match[2], [float(word) for word in match[5].split()]
+    if model not in _FOCALS:
+        raise ConfigurationError(
+            f"{where}: camera model {model}; expected one of {', '.join(_FOCALS)}"
+        )
+    focals = _FOCALS[model]
+    if len(values) < focals + 2:
+        raise ConfigurationError(f"{where}: {len(values)} parameters of {model}; expected more")
+    fx, fy = values[0], values[focals - 1]
+    cx, cy = (value - _CENTRE for value in values[focals : focals + 2])
+    size = int(match[3]), int(match[4])
+    return camera(where, fx, fy, cx, cy, values[focals + 2 :], model, size)
+
+
+COLMAP = CameraFormat("colmap", "COLMAP cameras.txt", read)

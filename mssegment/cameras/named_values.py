@@ -1,0 +1,121 @@
+"""Cameras whose values have names of their own: fx, fy, cx, cy and relatives."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from typing import Any
+
+from mssegment.cameras.base import (
+    CameraFile,
+    CameraFormat,
+    Tree,
+    camera,
+    model_of,
+    numbers_of,
+    plain_keys,
+    size_of,
+)
+from mssegment.errors import ConfigurationError
+from mssegment.records import Camera
+
+_NAMES = (
+    ("fx", "fy", "cx", "cy"),
+    ("fx", "fy", "ppx", "ppy"),  # RealSense
+    ("flx", "fly", "cx", "cy"),  # nerfstudio
+    ("focalx", "focaly", "centerx", "centery"),
+    ("focallengthx", "focallengthy", "principalpointx", "principalpointy"),
+)
+_COEFFICIENTS = ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6")
+_FISHEYE = ("k1", "k2", "k3", "k4")
+_LISTS = (
+    "distortion",
+    "distortioncoefficients",
+    "distortioncoeffs",
+    "coeffs",
+    "distcoeffs",
+    "dist",
+)
+_ORB_SLAM = re.compile(r"(camera\d*)\.(\w+)", re.IGNORECASE)
+
+
+def read(file: CameraFile) -> dict[str, Camera]:
+    """One camera, or one for each group of names: ORB-SLAM's ``Camera1.fx``, nested mappings.
+
+    Raises ConfigurationError if only some of the values are there, or one is not valid.
+    """
+    groups: dict[str, dict[str, Any]] = {}
+    for key, value in file.tree.items():
+        if match := _ORB_SLAM.fullmatch(str(key)):
+            groups.setdefault(match[1], {})[match[2]] = value
+    found = {name: camera_of_tree(own, f"{file.name}: {name}") for name, own in groups.items()}
+    found[""] = camera_of_tree(file.tree, file.name)
+    for name, own in file.tree.items():
+        if isinstance(own, Mapping):
+            found[str(name)] = camera_of_tree(own, f"{file.name}: {name}")
+    return {name: camera for name, camera in found.items() if camera is not None}
+
+
+def camera_of_tree(tree: Tree, where: str) -> Camera | None:
+    """The camera that a mapping describes; None if it has none of the names.
+
+    Raises ConfigurationError if only some of the values are there, or one is not valid.
+    """
+    own = plain_keys(tree)
+    names = max(_NAMES, key=lambda names: sum(name in own for name in names))
+    present = [name for name in names if name in own]
+    if not {names[0], names[1]} & set(present):
+        return None
+    missing = [name for name in names if name not in own]
+    if missing:
+        raise ConfigurationError(
+            f"{where}: camera.{_NAMES[0][names.index(missing[0])]} is missing; a camera needs fx, "
+            "fy, cx, cy"
+        )
+    values = []
+    for name in names:
+        value = numbers_of(own[name])
+        if value is None or value.size != 1:
+            raise ConfigurationError(f"{where}: {name} is {own[name]!r}; expected a number")
+        values.append(float(value.ravel()[0]))
+    model = model_of(own)
+    fx, fy, cx, cy = values
+    _check_misspelt(own, where)
+    return camera(where, fx, fy, cx, cy, _distortion(own, where, model), model, size_of(own))
+
+
+def _check_misspelt(own: Mapping[str, Any], where: str) -> None:
+    """Raises ConfigurationError for a key that is nearly ``distortion``, which would be missed."""
+    import difflib
+
+    for key in own:
+        near = difflib.get_close_matches(key, ["distortion"], cutoff=0.8)
+        if near and key not in (*_LISTS, "distortionmodel", "distortiontype"):
+            raise ConfigurationError(f"{where}: unknown key {key}; did you mean distortion?")
+
+
+def _distortion(own: Mapping[str, Any], where: str, model: str | None) -> list[float]:
+    for name in _LISTS:
+        if name in own and own[name] is not None:
+            found = numbers_of(own[name])
+            if found is None:
+                raise ConfigurationError(f"{where}: {name} is {own[name]!r}; expected numbers")
+            return [float(value) for value in found.ravel()]
+    is_fisheye = "p1" not in own and model is not None
+    order = _FISHEYE if is_fisheye and "k3" in own else _COEFFICIENTS
+    values = []
+    for name in order:
+        found = numbers_of(own.get(name, 0.0))
+        if found is None or found.size != 1:
+            raise ConfigurationError(f"{where}: {name} is {own[name]!r}; expected a number")
+        values.append(float(found))
+    while values and not values[-1]:
+        values.pop()
+    return values
+
+
+NAMED_VALUES = CameraFormat(
+    "named_values",
+    "fx, fy, cx, cy in YAML or JSON (own format, RealSense, ORB-SLAM, nerfstudio)",
+    read,
+)

@@ -1,0 +1,89 @@
+"""YAML, XML and numpy archives as trees of named values."""
+
+from __future__ import annotations
+
+import io
+import re
+from typing import Any
+
+import numpy as np
+
+from mssegment.errors import ConfigurationError
+
+
+def of_yaml(text: str, name: str) -> dict[str, Any]:
+    """The mapping in a YAML file, also in the dialect of OpenCV; empty if it holds none.
+
+    Raises ConfigurationError, with line and column, for a file with keys that is not YAML.
+    """
+    import yaml
+
+    class Loader(yaml.SafeLoader):
+        """Reads tagged values, such as ``!!opencv-matrix``, as what they are written as."""
+
+    def tagged(loader: Loader, suffix: str, node: yaml.Node) -> Any:
+        if isinstance(node, yaml.MappingNode):
+            return loader.construct_mapping(node, deep=True)
+        if isinstance(node, yaml.SequenceNode):
+            return loader.construct_sequence(node, deep=True)
+        return loader.construct_scalar(node)  # type: ignore[arg-type]
+
+    Loader.add_multi_constructor("tag:yaml.org,2002:opencv", tagged)
+    Loader.add_multi_constructor("!", tagged)
+    lines = [line for line in text.splitlines() if not line.startswith("%")]
+    # OpenCV writes `key:value` without a blank in old versions
+    plain = "\n".join(re.sub(r"^(\s*[A-Za-z_][\w.]*):(?=[\d.+-])", r"\1: ", line) for line in lines)
+    try:
+        found = yaml.load(plain, Loader=Loader)
+    except yaml.MarkedYAMLError as error:
+        if not re.search(r"^\s*[A-Za-z_][\w.]*\s*:", text, re.M):
+            return {}  # not meant as YAML
+        mark = error.problem_mark
+        place = f":{mark.line + 1}:{mark.column + 1}" if mark else ""
+        raise ConfigurationError(f"{name}{place}: not YAML ({error.problem})") from None
+    except (yaml.YAMLError, ValueError, RecursionError) as error:
+        raise ConfigurationError(f"{name}: not YAML ({' '.join(str(error).split())})") from None
+    return found if isinstance(found, dict) else {}
+
+
+def of_xml(text: str, name: str) -> dict[str, Any]:
+    """The elements of an XML file by name, with their text, or mappings where they have children.
+
+    Raises ConfigurationError if the file is not XML, or defines entities.
+    """
+    from xml.etree import ElementTree
+
+    if "<!DOCTYPE" in text or "<!ENTITY" in text:
+        raise ConfigurationError(f"{name}: XML with a DOCTYPE is not read; expected OpenCV's")
+    try:
+        root = ElementTree.fromstring(text)
+    except ElementTree.ParseError as error:
+        raise ConfigurationError(f"{name}: not XML ({error})") from None
+
+    def value(element: ElementTree.Element) -> Any:
+        if len(element):
+            return {child.tag: value(child) for child in element}
+        words = (element.text or "").split()
+        try:
+            numbers = [float(word) for word in words]
+        except ValueError:
+            return " ".join(words).strip('"')
+        return numbers[0] if len(numbers) == 1 else numbers
+
+    found = value(root)
+    return found if isinstance(found, dict) else {}
+
+
+def of_numpy(content: bytes, name: str) -> dict[str, Any]:
+    """The arrays of a ``.npz`` by name, or of a ``.npy`` as ``K``.
+
+    Raises ConfigurationError if the file is damaged or pickled.
+    """
+    try:
+        found = np.load(io.BytesIO(content), allow_pickle=False)
+        if isinstance(found, np.ndarray):
+            return {"K": found.tolist()}
+        return {key: found[key].tolist() for key in found.files}
+    except Exception as error:  # numpy and zipfile raise many types of error on damaged files
+        reason = " ".join(str(error).split())
+        raise ConfigurationError(f"{name}: not a readable numpy file ({reason})") from None

@@ -1,0 +1,235 @@
+"""Camera files of calibration programs: all give the camera that they were written from."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from mssegment.cameras import fitted, read_camera
+from mssegment.errors import ConfigurationError
+from mssegment.imaging.camera import undistort_points
+from mssegment.records import Camera
+
+FX, FY, CX, CY = 800.5, 790.25, 319.5, 241.0
+K = np.array([[FX, 0, CX], [0, FY, CY], [0, 0, 1]])
+BROWN = (-0.2, 0.05, 0.001, -0.002, 0.01)
+KB = (0.1, 0.02, -0.01, 0.003)
+Write = Callable[[Path], None]
+
+
+def text(content: str) -> Write:
+    return lambda path: path.write_text(content) and None
+
+
+def file_storage(suffix: str) -> Write:
+    """Written by OpenCV itself."""
+
+    def write(path: Path) -> None:
+        own = path.with_suffix(suffix)
+        storage = cv2.FileStorage(str(own), cv2.FILE_STORAGE_WRITE)
+        storage.write("calibration_time", "today, at noon")
+        storage.write("image_width", 640)
+        storage.write("image_height", 480)
+        storage.write("camera_matrix", K)
+        storage.write("distortion_coefficients", np.array(BROWN)[:, None])
+        storage.write("grid_points", np.zeros((3, 2)))
+        storage.release()
+        own.rename(path)
+
+    return write
+
+
+ROS = f"""image_width: 640
+image_height: 480
+camera_name: narrow_stereo
+camera_matrix:
+  rows: 3
+  cols: 3
+  data: {K.ravel().tolist()}
+distortion_model: plumb_bob
+distortion_coefficients: {{rows: 1, cols: 5, data: {list(BROWN)}}}
+rectification_matrix: {{rows: 3, cols: 3, data: [1, 0, 0, 0, 1, 0, 0, 0, 1]}}
+projection_matrix: {{rows: 3, cols: 4, data: [9, 0, 9, 0, 0, 9, 9, 0, 0, 0, 1, 0]}}
+"""
+KALIBR = f"""cam0:
+  camera_model: pinhole
+  intrinsics: [{FX}, {FY}, {CX}, {CY}]
+  distortion_model: radtan
+  distortion_coeffs: {list(BROWN[:4])}
+  resolution: [640, 480]
+  rostopic: /cam0/image_raw
+"""
+EUROC = f"""%YAML:1.0
+sensor_type: camera
+T_BS:
+  cols: 4
+  rows: 4
+  data: {np.eye(4).ravel().tolist()}
+rate_hz: 20
+resolution: [640, 480]
+camera_model: pinhole
+intrinsics: [{FX}, {FY}, {CX}, {CY}] #fu, fv, cu, cv
+distortion_model: radial-tangential
+distortion_coefficients: {list(BROWN[:4])}
+"""
+ORB_SLAM = f"""%YAML:1.0
+
+Camera.type: "PinHole"
+Camera.fx: {FX}
+Camera.fy: {FY}
+Camera.cx: {CX}
+Camera.cy: {CY}
+Camera.k1: {BROWN[0]}
+Camera.k2: {BROWN[1]}
+Camera.p1: {BROWN[2]}
+Camera.p2: {BROWN[3]}
+Camera.k3: {BROWN[4]}
+Camera.width: 640
+Camera.height: 480
+ORBextractor.nFeatures: 1000
+"""
+COLMAP = f"""# Camera list with one line of data per camera:
+#   CAMERA_ID, MODEL, WIDTH, HEIGHT, PARAMS[]
+1 OPENCV 640 480 {FX} {FY} {CX + 0.5} {CY + 0.5} {" ".join(map(str, BROWN[:4]))}
+"""
+SIZED = {"width": 640, "height": 480}
+PLAIN = {"fx": FX, "fy": FY, "cx": CX, "cy": CY}
+OPEN3D = SIZED | {"intrinsic_matrix": K.T.ravel().tolist()}
+REALSENSE = SIZED | {"fx": FX, "fy": FY, "ppx": CX, "ppy": CY, "model": "Brown Conrady"}
+KITTI = "".join(
+    f"P{i}: {' '.join(f'{v:.12e}' for v in np.hstack([K + i, [[i], [0], [0]]]).ravel())}\n"
+    if i == 0
+    else f"P{i}: {' '.join(f'{v:.12e}' for v in np.hstack([K, [[-i], [0], [0]]]).ravel())}\n"
+    for i in range(4)
+)
+
+FILES: dict[str, tuple[str, Write, tuple[float, ...], bool]] = {
+    "own": ("c.yaml", text(f"fx: {FX}\nfy: {FY}\ncx: {CX}\ncy: {CY}\n"), (), False),
+    "own, tabs": ("c.yaml", text(f"fx:\t{FX}\nfy:\t{FY}\ncx:\t{CX}\ncy:\t{CY}\n"), (), False),
+    "own, capitals": ("c.yml", text(f"FX: {FX}\nFY: {FY}\nCX: {CX}\nCY: {CY}\n"), (), False),
+    "own, size": ("c.json", text(json.dumps(PLAIN | SIZED)), (), True),
+    "opencv yaml": ("c.yml", file_storage(".yml"), BROWN, True),
+    "opencv xml": ("c.xml", file_storage(".xml"), BROWN, True),
+    "opencv json": ("c.json", file_storage(".json"), BROWN, True),
+    "opencv, no suffix": ("calibration", file_storage(".yml"), BROWN, True),
+    "ros": ("ost.yaml", text(ROS), BROWN, True),
+    "kalibr": ("camchain.yaml", text(KALIBR), BROWN[:4], True),
+    "euroc": ("sensor.yaml", text(EUROC), BROWN[:4], True),
+    "orb-slam": ("o.yaml", text(ORB_SLAM), BROWN, True),
+    "colmap": ("cameras.txt", text(COLMAP), BROWN[:4], True),
+    "kitti": ("calib.txt#P1", text(KITTI), (), False),
+    "open3d": ("c.json", text(json.dumps(OPEN3D)), (), True),
+    "open3d, nested": ("c.json", text(json.dumps({"intrinsic": OPEN3D})), (), True),
+    "realsense": ("c.json", text(json.dumps(REALSENSE | {"coeffs": BROWN})), BROWN, True),
+    "nerfstudio": (
+        "transforms.json",
+        text(json.dumps({"fl_x": FX, "fl_y": FY, "cx": CX, "cy": CY, "w": 640, "h": 480})),
+        (),
+        True,
+    ),
+    "savetxt": ("K.txt", lambda path: np.savetxt(path, K), (), False),
+    "commas": ("K.csv", lambda path: np.savetxt(path, K, delimiter=","), (), False),
+    "printed": ("K.txt", text(str(K)), (), False),
+    "npy": ("K.npy", lambda path: np.save(path, K), (), False),
+    "npz": ("calib.npz", lambda path: np.savez(path, mtx=K, dist=[BROWN]), BROWN, False),
+    "K and D": ("k.json", text(json.dumps({"K": K.tolist(), "D": BROWN})), BROWN, False),
+}
+
+
+@pytest.mark.parametrize("kind", FILES)
+def test_every_format_gives_the_camera(tmp_path: Path, kind: str) -> None:
+    name, write, distortion, has_size = FILES[kind]
+    write(tmp_path / name.split("#")[0])
+    found = read_camera(str(tmp_path / name))
+    np.testing.assert_allclose([found.fx, found.fy, found.cx, found.cy], [FX, FY, CX, CY])
+    np.testing.assert_allclose(found.distortion, distortion)
+    assert found.distortion_model == "brown"
+    assert (found.width, found.height) == ((640, 480) if has_size else (None, None))
+
+
+FISHEYE = {
+    "kalibr": KALIBR.replace("radtan", "equidistant").replace(str(list(BROWN[:4])), str(list(KB))),
+    "ros": ROS.replace("plumb_bob", "equidistant").replace(str(list(BROWN)), str(list(KB))),
+    "colmap": COLMAP.replace("OPENCV", "OPENCV_FISHEYE").replace(
+        " ".join(map(str, BROWN[:4])), " ".join(map(str, KB))
+    ),
+    "orb-slam": f'Camera1.type: "KannalaBrandt8"\nCamera1.fx: {FX}\nCamera1.fy: {FY}\n'
+    f"Camera1.cx: {CX}\nCamera1.cy: {CY}\n"
+    + "".join(f"Camera1.k{i}: {k}\n" for i, k in enumerate(KB, 1)),
+    "own": "\n".join(f"{name}: {value}" for name, value in PLAIN.items())
+    + f"\ndistortion: {list(KB)}\ndistortion_model: fisheye\n",
+}
+
+
+@pytest.mark.parametrize("kind", FISHEYE)
+def test_fisheye_lenses(tmp_path: Path, kind: str) -> None:
+    (tmp_path / "c.txt").write_text(FISHEYE[kind])
+    found = read_camera(str(tmp_path / "c.txt"))
+    assert found.distortion_model == "fisheye"
+    np.testing.assert_allclose(found.distortion, KB)
+    np.testing.assert_allclose([found.fx, found.fy, found.cx, found.cy], [FX, FY, CX, CY])
+
+
+def test_fisheye_points_become_those_of_a_pinhole(rng: np.random.Generator) -> None:
+    camera = Camera(300.0, 310.0, 320.0, 240.0, KB, "fisheye")
+    angle, turn = rng.uniform(0, 1.2, 200), rng.uniform(-np.pi, np.pi, 200)
+    ray = np.stack([np.cos(turn), np.sin(turn)], axis=1)
+    bent = angle * (1 + KB[0] * angle**2 + KB[1] * angle**4 + KB[2] * angle**6 + KB[3] * angle**8)
+    scale, centre = np.array([camera.fx, camera.fy]), np.array([camera.cx, camera.cy])
+    seen = ray * bent[:, None] * scale + centre
+    straight = ray * np.tan(angle)[:, None] * scale + centre
+    found = undistort_points(seen, camera)
+    np.testing.assert_allclose(found, straight, atol=1e-3)
+    behind = centre[None] + np.array([[scale[0] * 10.0, 0.0]])
+    assert np.isnan(undistort_points(behind, camera)).all(), "no pinhole camera sees this ray"
+
+
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [
+        (KITTI, r"holds 4 cameras \(P0, P1, P2, P3\); choose one: '.*#P0'"),
+        (KALIBR + KALIBR.replace("cam0", "cam1"), r"holds 2 cameras \(cam0, cam1\)"),
+        (KALIBR.replace("pinhole", "omni"), "cam0: camera model omni"),
+        (KALIBR.replace("radtan", "fov"), "distortion model fov; expected Brown's"),
+        (COLMAP.replace("OPENCV", "THIN_PRISM_FISHEYE"), "camera model THIN_PRISM_FISHEYE"),
+        ("800 0 320\n0 800 240\n0 1 1\n", "not a calibration matrix"),
+        ("800 40 320\n0 800 240\n0 0 1\n", "skew 40"),
+        ("hello\n", "no camera in this file"),
+        ("<opencv_storage><broken>", "not XML"),
+        ('<!DOCTYPE a [<!ENTITY b "c">]><a>&b;</a>', "DOCTYPE"),
+        ("fx: 800\nfy: 0\ncx: 1\ncy: 1\n", "fy is 0; expected more than 0"),
+    ],
+)
+def test_what_is_no_camera_is_said(tmp_path: Path, content: str, words: str) -> None:
+    (tmp_path / "c.txt").write_text(content)
+    with pytest.raises(ConfigurationError, match=words) as caught:
+        read_camera(str(tmp_path / "c.txt"))
+    assert "\n" not in str(caught.value)
+
+
+def test_one_of_several_cameras(tmp_path: Path) -> None:
+    stereo = {"M1": K.tolist(), "D1": BROWN, "M2": (2 * K).tolist(), "D2": [0] * 5}
+    stereo["M2"][2][2] = 1
+    (tmp_path / "c.json").write_text(json.dumps(stereo))
+    assert read_camera(f"{tmp_path / 'c.json'}#2").fx == 2 * FX
+    with pytest.raises(ConfigurationError, match="no camera '3'; found 1, 2"):
+        read_camera(f"{tmp_path / 'c.json'}#3")
+
+
+def test_a_camera_must_be_that_of_the_pictures() -> None:
+    camera = Camera(800.0, 800.0, 319.5, 239.5, (), "brown", 640, 480)
+    assert fitted(camera, 640, 480) == (camera, ())
+    half, notes = fitted(camera, 320, 240)
+    assert (half.fx, half.cx, half.cy) == (400.0, 159.5, 119.5)
+    assert "scaled to 320x240" in notes[0]
+    with pytest.raises(ConfigurationError, match="another shape"):
+        fitted(camera, 480, 480)
+    with pytest.raises(ConfigurationError, match=r"fx is 4.15, which cannot be pixels"):
+        fitted(Camera(4.15, 4.15, 2.88, 2.16), 640, 480)
+    _, notes = fitted(Camera(800.0, 800.0, 900.0, 239.5), 640, 480)
+    assert "principal point (900, 239.5) lies outside" in notes[0]
