@@ -24,8 +24,11 @@ from mssegment.sampling import frame_pairs
 from mssegment.segmentation.consensus import (
     cluster_by_consensus,
     clustering,
+    epipolar_evidence,
+    joinedness,
     model_order,
-    normalized_cuts,
+    rigid_grouping,
+    split_test,
 )
 
 Change = tuple[object, str, object]
@@ -44,15 +47,14 @@ VARIANTS: dict[str, tuple[tuple[str, ...], tuple[Change, ...]]] = {
     "no local subsets": ((), ((frame_pairs, "LOCAL_SHARE", 0.0),)),
     "one power of the agreement (6)": (
         (),
-        ((model_order, "POWERS", (6,)), (normalized_cuts, "POWERS", (6,))),
+        ((model_order, "POWERS", (6,)),),
     ),
     "not refined by Student t distributions": ((), ((model_order, "MAX_REFINED_SHARE", -1.0),)),
     "count without the border": (
         (),
         (
-            (model_order, "border_contrast", lambda *_: 1.0),
-            (model_order, "MIN_DISTINCTNESS", 95.0),
-            (normalized_cuts, "border_contrast", lambda *_: 1.0),
+            (split_test, "border_contrast", lambda *_: 1.0),
+            (joinedness, "border_contrast", lambda *_: 1.0),
         ),
     ),
     "no outlier tests": (
@@ -68,7 +70,11 @@ VARIANTS: dict[str, tuple[tuple[str, ...], tuple[Change, ...]]] = {
         ),
     ),
     "outlier tests never gentle": ((), ((clustering, "limit_factor", lambda *_: 1.0),)),
-    "no merging of spare groups": ((), ((normalized_cuts, "EXTRA_GROUPS", 0),)),
+    "joined without epipolar geometry": (
+        (),
+        ((epipolar_evidence.EpipolarEvidence, "growth", lambda *_: 0.0),),
+    ),
+    "one start of groups to be joined": ((), ((rigid_grouping, "PIECES", (8,)),)),
     "no fundamental matrices": (("fundamental",), ()),
 }
 """Name -> kinds of evidence to leave out, and constants to change."""

@@ -16,7 +16,7 @@ Floats = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]
 Strategy = Literal["modes", "mixture", "consensus"]
 """How hypotheses become motions."""
-Partition = Literal["spectral", "normalized_cuts", "average_linkage"]
+Partition = Literal["spectral", "joinedness", "average_linkage"]
 """How consensus groups tracks: complete ones, incomplete ones, those before a static camera."""
 
 OUTLIER = 0
@@ -221,7 +221,7 @@ class Hypotheses(Record, frozen=True):
         same hypotheses fit best are grouped.
     sets : tuple of HypothesisSet
         The hypotheses.
-    partition : {"spectral", "normalized_cuts", "average_linkage"} or None
+    partition : {"spectral", "joinedness", "average_linkage"} or None
         How consensus groups the tracks: complete ones, incomplete ones, or those before a static
         camera; None for the other strategies.
     log_nfa : ndarray [P] of float64, or None

@@ -151,7 +151,7 @@ def test_incomplete_tracks() -> None:
         start = rng.integers(0, 24 - length)
         track[:start] = track[start + length :] = np.nan
     drawn = draw_for_consensus(points, np.random.default_rng(0))
-    assert drawn.partition == "normalized_cuts"
+    assert drawn.partition == "joinedness"
     found = run(points, motions=3)
     assert misclassification(found.labels, labels) <= 0.03
 

@@ -133,7 +133,7 @@ def draw_for_consensus(
             sets = _draw_complete(points, visible, ranks, rng)
         return Hypotheses("consensus", tuple(sets), partition, log_nfa)
     else:
-        pairs, partition = _short_pairs(frames, lengths), "normalized_cuts"
+        pairs, partition = _short_pairs(frames, lengths), "joinedness"
         kinds = (Homography(), Fundamental())
         sets = _draw_pairs(points, visible, kinds, pairs, HYPOTHESES_PER_PAIR, rng)
     return Hypotheses("consensus", tuple(sets), partition)

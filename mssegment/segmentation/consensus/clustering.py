@@ -33,8 +33,8 @@ from mssegment.segmentation.consensus.coassociation import (
     CoassociationAccumulator,
 )
 from mssegment.segmentation.consensus.model_order import SpectralClustering
-from mssegment.segmentation.consensus.normalized_cuts import NormalizedCuts
 from mssegment.segmentation.consensus.outliers import second_test
+from mssegment.segmentation.consensus.rigid_grouping import RigidGrouping
 
 MAX_MOTIONS = 8
 """Maximum number of motions, unless their number is given."""
@@ -127,10 +127,13 @@ def cluster_by_consensus(
     misfit = misfits.pixels()
     labels = np.full(len(points), OUTLIER, dtype=np.int64)
     labels[tracks[np.isnan(misfit[tracks])]] = NOT_JUDGED
-    cluster = (
-        _cluster_incomplete if hypotheses.partition == "normalized_cuts" else _cluster_complete
-    )
-    grouped, groups = cluster(points, coassociations.kinds, misfit, bounds, rng)
+    if hypotheses.partition == "joinedness":
+        pairs = sorted({(one.frames[0], one.frames[1]) for one in sets})
+        grouped, groups = _cluster_incomplete(
+            points, coassociations.kinds, pairs, misfit, bounds, rng
+        )
+    else:
+        grouped, groups = _cluster_complete(points, coassociations.kinds, misfit, bounds, rng)
     labels[grouped] = groups
     labels = _by_size(labels)
     if hypotheses.partition != "spectral" or points.shape[1] < 3:
@@ -203,23 +206,24 @@ def _cluster_complete(
 def _cluster_incomplete(
     points: Floats,
     kinds: Mapping[str, Coassociation],
+    pairs: Sequence[tuple[int, int]],
     misfit: Floats,
     bounds: tuple[int, int],
     rng: np.random.Generator,
 ) -> tuple[Integers, Integers]:
-    """Tracks and their labels, by normalized cuts."""
+    """Tracks and their labels, by ``RigidGrouping``."""
     tracks = _visible_tracks(misfit)
     tracks = tracks[first_test(points[tracks], misfit[tracks], perspective=True)]
 
-    def normalized_cuts(chosen: Integers) -> NormalizedCuts:
+    def rigid_grouping(chosen: Integers) -> RigidGrouping:
         block = np.ix_(chosen, chosen)
         of_chosen = {
             name: Coassociation(kind.agreement[block], kind.shared[block])
             for name, kind in kinds.items()
         }
-        return NormalizedCuts(points[chosen], of_chosen, bounds[1], rng)
+        return RigidGrouping(points[chosen], of_chosen, pairs, bounds, rng)
 
-    return _without_small_groups(tracks, normalized_cuts, bounds, 0.0)
+    return _without_small_groups(tracks, rigid_grouping, bounds, 0.0)
 
 
 def _visible_tracks(misfit: Floats) -> Integers:
@@ -235,7 +239,7 @@ def _visible_tracks(misfit: Floats) -> Integers:
 
 def _without_small_groups(
     tracks: Integers,
-    partitions: Callable[[Integers], SpectralClustering | NormalizedCuts],
+    partitions: Callable[[Integers], SpectralClustering | RigidGrouping],
     bounds: tuple[int, int],
     share: float,
 ) -> tuple[Integers, Integers]:

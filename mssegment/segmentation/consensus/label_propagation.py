@@ -82,7 +82,7 @@ def propagate_labels(
     labels = found.labels
     if not (labels > 0).any():
         return np.full(len(points), OUTLIER)
-    perspective = hypotheses.partition == "normalized_cuts"
+    perspective = hypotheses.partition == "joinedness"
     limit = misfit_limit(grouped, found.misfit, perspective=perspective)
     if not _has_outliers(hypotheses):
         limit *= limit_factor(found.misfit[np.isfinite(found.misfit)], limit)
