@@ -132,9 +132,7 @@ def test_bodies_in_perspective_are_found_and_counted(seed: int) -> None:
     points = cut(points, rng)
     for motions, kept in ((None, labels > 0), (2, labels > 0), (None, labels == 1)):
         drawn = draw_for_consensus(points[kept], np.random.default_rng(0))
-        found = cluster_by_consensus(
-            points[kept], drawn, np.random.default_rng(1), motions=motions
-        )
+        found = cluster_by_consensus(points[kept], drawn, np.random.default_rng(1), motions=motions)
         assert found.labels.max() == len(np.unique(labels[kept]))
         assert misclassification(found.labels, labels[kept]) <= 0.1
 
