@@ -127,3 +127,25 @@ CAMERAS: Registry[Any] = Registry(
     },
 )
 """The formats of camera files, in the order in which they are tried."""
+
+EXPORTS: Registry[Any] = Registry(
+    "export",
+    {
+        "tracks": "mssegment.export.tracks:TRACKS",
+        "objects": "mssegment.export.objects:OBJECTS",
+        "mot": "mssegment.export.mot:MOT",
+        "npz": "mssegment.export.arrays:ARRAYS",
+    },
+)
+"""The formats of trajectories that ``report.export`` writes."""
+
+MASK_STYLES: Registry[Any] = Registry(
+    "mask style",
+    {
+        "davis": "mssegment.export.mask_styles:davis",
+        "colmap": "mssegment.export.mask_styles:colmap",
+        "binary": "mssegment.export.mask_styles:binary",
+        "coco": "mssegment.export.mask_styles:coco",
+    },
+)
+"""The forms in which masks are written (``report.mask_style``)."""

@@ -21,7 +21,7 @@ LAYERS = [
     {"meanshift", "imaging", "datasets", "cameras", "documents", "configuration"},
     {"preprocessing"},
     {"sampling"},
-    {"segmentation", "rendering", "labelling", "ground_truth", "history"},
+    {"segmentation", "rendering", "labelling", "masks", "export", "ground_truth", "history"},
     {"stage_checks"},
     {"pipeline"},
     {"benchmarking", "api"},

@@ -37,7 +37,7 @@ _FLAGS = {
 }
 """Flags that differ from the last part of the key."""
 
-_SEVERAL = ("report.labels", "input.images")
+_SEVERAL = ("report.export", "report.labels", "input.images")
 _CAMERA = "camera.file"
 
 

@@ -12,19 +12,24 @@ from mssegment.cli.common import (
     chosen_format,
     console_options,
     document_argument,
+    flag_of,
     format_option,
     put,
     read_argument,
     settings_options,
 )
-from mssegment.configuration import Setting, resolve
+from mssegment.configuration import Configuration, Setting, resolve
 from mssegment.documents import SegmentationDocument
+from mssegment.errors import UsageError
 
 KEYS = (
     "report.labels",
     "report.label_radius",
     "report.pictures",
     "report.picture_format",
+    "report.masks",
+    "report.mask_style",
+    "report.export",
     "report.regions",
     "report.video",
     "report.html",
@@ -58,6 +63,8 @@ def command(
     the residual errors (23) and (24) of the paper.
     """
     configuration = resolve(settings)
+    if out is None:
+        _refuse_without_folder(configuration)
     segmentation = read_argument(document, SegmentationDocument)
     from mssegment.cli.results import Results, claimed_folder
     from mssegment.rendering.tables import format_report
@@ -71,3 +78,15 @@ def command(
     if show:
         results.show()
     put(format_report(results.report, chosen_format(form, console)))
+
+
+def _refuse_without_folder(configuration: Configuration) -> None:
+    """Raises UsageError if files are asked for, but no folder for them."""
+    settings = configuration.report
+    asked = [
+        flag_of(f"report.{name}")
+        for name in ("masks", "export", "regions", "video")
+        if getattr(settings, name)
+    ]
+    if asked:
+        raise UsageError(f"{asked[0]} writes files; name a folder for them with --out DIR")

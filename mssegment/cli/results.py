@@ -128,12 +128,22 @@ class Results(Record, frozen=True):
             from mssegment.rendering.video import render_video
 
             written["motions.mp4"] = render_video(self.report)
+        if settings.export:
+            from mssegment.export import export
+
+            written |= export(self.report, settings.export)
+        if settings.masks:
+            from mssegment.export import mask_files
+
+            written |= dict(mask_files(self.report, settings.mask_style))
         if settings.html:
             from mssegment.rendering.page import render_page
 
             written["report.html"] = render_page(self.report).encode()
         for name, content in written.items():
-            write_bytes(str(Path(out) / name), content)
+            path = Path(out) / name
+            path.parent.mkdir(parents=True, exist_ok=True)
+            write_bytes(str(path), content)
         return list(written)
 
     def show(self) -> None:

@@ -41,6 +41,8 @@ KEYS = (
     "segment.camera_motion",
     "camera.file",
     "report.labels",
+    "report.masks",
+    "report.export",
     "seed",
     "input.images",
 )

@@ -16,7 +16,7 @@ from msgspec import Meta
 from mssegment.errors import ConfigurationError, MssegmentError
 from mssegment.imaging.matching import MATCHERS, default_matcher
 from mssegment.records import Record
-from mssegment.registry import KERNELS, MODELS, SELECTIONS
+from mssegment.registry import EXPORTS, KERNELS, MASK_STYLES, MODELS, SELECTIONS
 
 Auto = Literal["auto"]
 
@@ -25,11 +25,15 @@ if TYPE_CHECKING:
     MatcherName = str
     KernelName = str
     SelectionName = str
+    ExportName = str
+    MaskStyleName = str
 else:
     ModelName = Literal["auto", *MODELS]
     MatcherName = Literal["auto", *MATCHERS]
     KernelName = Literal[*KERNELS]
     SelectionName = Literal[*SELECTIONS]
+    ExportName = Literal[*EXPORTS]
+    MaskStyleName = Literal[*MASK_STYLES]
 
 
 class Section(msgspec.Struct, frozen=True, kw_only=True):
@@ -261,6 +265,27 @@ class ReportSettings(Section, frozen=True):
     picture_format: Annotated[
         Literal["png", "jpg", "svg"], Meta(description="File format of the pictures.")
     ] = "png"
+    masks: Annotated[
+        bool,
+        Meta(
+            description="Also write a mask of every frame: 0 the static world, 1, 2, ... the "
+            "motions, 255 not known."
+        ),
+    ] = False
+    mask_style: Annotated[
+        MaskStyleName,
+        Meta(
+            description="davis: indexed PNG; colmap: PNG with 0 on moving objects, for COLMAP and "
+            "hloc; binary: a PNG per object; coco: one JSON with run lengths."
+        ),
+    ] = "davis"
+    export: Annotated[
+        list[ExportName],
+        Meta(
+            description="Also write trajectories: tracks.csv, objects.csv, mot.txt (MOTChallenge) "
+            "or tracks.npz."
+        ),
+    ] = []
     regions: Annotated[
         bool,
         Meta(description="Also write dense regions per motion, aligned with image edges."),
@@ -313,7 +338,7 @@ def _choices(kind: Any) -> list[str]:
     if origin is Literal:
         return [str(value) for value in get_args(kind)]
     if origin is list:
-        return [f"{_choices(get_args(kind)[0])[0]}..."]
+        return [f"{'|'.join(_choices(get_args(kind)[0]))}..."]
     if get_args(kind):
         return [word for part in get_args(kind) for word in _choices(part)]
     words = {bool: ["yes", "no"], int: ["INTEGER"], float: ["NUMBER"], str: ["TEXT"]}

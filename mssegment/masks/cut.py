@@ -7,6 +7,8 @@ falls with their contrast. The minimum cut is SciPy's.
 
 from __future__ import annotations
 
+from typing import Any
+
 import cv2
 import numpy as np
 import numpy.typing as npt
@@ -44,7 +46,7 @@ def colour_costs(picture: Picture, labels: LabelMap, count: int) -> Costs:
         share = (1 - COLOUR_FLOOR) * share + COLOUR_FLOOR / BINS**3
         costs.append(-np.log(share.reshape(-1))[code])
     stacked = np.array(costs)
-    return np.minimum(stacked - stacked.min(axis=0), MOST_COLOUR).astype(np.float32)
+    return np.asarray(np.minimum(stacked - stacked.min(axis=0), MOST_COLOUR), dtype=np.float32)
 
 
 def _smoothed(histogram: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
@@ -122,11 +124,11 @@ def guided_filter(
     ``guide`` and ``values`` are [h, w], ``noise`` is the variance below which the guide is flat.
     """
 
-    def mean(array: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
+    def mean(array: npt.NDArray[Any]) -> npt.NDArray[Any]:
         side = 2 * radius + 1
         return np.asarray(cv2.blur(array, (side, side), borderType=cv2.BORDER_REFLECT))
 
     of_guide, of_values = mean(guide), mean(values)
     variance = mean(guide * guide) - of_guide * of_guide
-    slope = (mean(guide * values) - of_guide * of_values) / (variance + noise)
-    return np.asarray(mean(slope) * guide + mean(of_values - slope * of_guide))
+    slope = np.asarray((mean(guide * values) - of_guide * of_values) / (variance + noise))
+    return np.asarray(mean(slope) * guide + mean(np.asarray(of_values - slope * of_guide)))

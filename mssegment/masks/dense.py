@@ -90,9 +90,7 @@ def label_pixels(
         yield _enlarged(values[_label_frame(scene, index)], full[index], values)
 
 
-def _picture(
-    pictures: Callable[[int], Picture | None], index: int, frame: Frame
-) -> Picture:
+def _picture(pictures: Callable[[int], Picture | None], index: int, frame: Frame) -> Picture:
     picture = pictures(index)
     if picture is None:
         name = frame.path or f"frame {index + 1}"
@@ -109,6 +107,8 @@ def _resized(picture: Picture, size: tuple[int, int]) -> Picture:
 def _label_frame(scene: Scene, frame: int) -> LabelMap:
     """Labels at the reduced size: 0 world or unknown, 1.. the motions in order."""
     picture = scene.pictures[frame]
+    if not scene.shown:
+        return np.zeros(picture.shape[:2], dtype=np.int64)
     guide = _grey(picture)
     distances = track_distances(scene, frame)
     costs = photometric_costs(scene, frame) + nearness_costs(distances)
@@ -120,7 +120,9 @@ def _label_frame(scene: Scene, frame: int) -> LabelMap:
     labels = with_tracks(costs.argmin(axis=0), tracks)
     for _ in range(ROUNDS):
         coloured = costs + colour_costs(picture, labels, len(costs))
-        labels = with_tracks(expand(coloured, labels, picture), tracks)
+        before, labels = labels, with_tracks(expand(coloured, labels, picture), tracks)
+        if (labels == before).all():
+            break
     return labels
 
 
@@ -164,9 +166,7 @@ def with_tracks(labels: LabelMap, tracks: Sequence[Integers]) -> LabelMap:
     return kept
 
 
-def _regions_with(
-    region: npt.NDArray[np.bool_], pixels: Integers
-) -> npt.NDArray[np.bool_]:
+def _regions_with(region: npt.NDArray[np.bool_], pixels: Integers) -> npt.NDArray[np.bool_]:
     """The connected parts of a region that contain one of the pixels or touch it."""
     _, parts = cv2.connectedComponents(region.astype(np.uint8))
     x, y = pixels.T

@@ -70,7 +70,7 @@ class Scene(Record, frozen=True):
     def places(self, label: int, *frames: int) -> Floats:
         """The positions [n, len(frames), 2] of the tracks of a motion that all frames show."""
         own = self.points[self.labels == label][:, frames]
-        return own[np.isfinite(own).all(axis=(1, 2))]
+        return np.asarray(own[np.isfinite(own).all(axis=(1, 2))])
 
     def pixels(self, places: Floats) -> Integers:
         """The pixels (x, y) [n, 2] of positions [n, 2], without those outside the picture."""

@@ -64,10 +64,10 @@ def _robust_affine(start: Floats, end: Floats) -> Floats | None:
     if len(start) < MIN_TRACKS or np.linalg.matrix_rank(start - start.mean(axis=0), 1e-3) < 2:
         return None
     rows, weights = homogeneous(start), np.ones(len(start))
-    affine = np.zeros((3, 2))
+    affine: Floats = np.zeros((3, 2))
     for _ in range(ROUNDS):
         root = np.sqrt(weights)[:, None]
-        affine = np.linalg.lstsq(root * rows, root * end, rcond=None)[0]
+        affine = np.asarray(np.linalg.lstsq(root * rows, root * end, rcond=None)[0])
         squares = ((rows @ affine - end) ** 2).sum(axis=1)
         weights = geman_mcclure_weights(squares, 4.0 * float(np.median(squares)) + 1e-12)
     return affine

@@ -270,14 +270,9 @@ def _latex(table: Table) -> str:
 
 
 def _csv(table: Table) -> str:
-    import csv
-    import io
+    from mssegment.rendering.csv_text import csv_bytes
 
-    out = io.StringIO()
-    writer = csv.writer(out, lineterminator="\n")
-    writer.writerow(table.header)
-    writer.writerows(table.rows)
-    return out.getvalue()
+    return csv_bytes(table.header, table.rows).decode()
 
 
 def _escape_notes(lines: Sequence[str], form: str) -> list[str]:
