@@ -40,7 +40,8 @@ REPORT_FIELDS = {
     "motion_list": (
         "list of objects",
         "Each with `label`, `model`, `inliers`, `hypotheses`, `kde`, `scale` and `rms` (pixels), "
-        "`cost_saved` (nats), `log_nfa` (significance), `true_motion`, `parameters`, and the "
+        "`cost_saved` (nats), `log_nfa` (significance), `rigid_evidence` (nats), `parts` (the "
+        "motions that were joined to one rigid body), `true_motion`, `parameters`, and the "
         "motion in pixels: `matrix`, or `direction` and `epipole`.",
     ),
     "tracks": ("number", "Number of tracks."),

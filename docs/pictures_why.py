@@ -9,6 +9,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from benchmarks.unseen_scenes import Spec, generate
+from mssegment.geometry.epipolar_fit import compatible_plane, fit_epipolar, mapped_points
 from mssegment.records import Floats, Integers
 from mssegment.sampling.chimeras import LocalFlats, draw_chimeras, draw_walks
 from mssegment.segmentation.consensus.split_test import SplitTest
@@ -23,9 +24,10 @@ BLUE, ORANGE, GREY, GREEN = "#3b73b9", "#d9772b", "#8a8a8a", "#3d9155"
 
 
 def main() -> None:
-    """Writes docs/pictures/null.svg and docs/pictures/split.svg."""
+    """Writes null.svg, split.svg and join.svg to docs/pictures."""
     draw_null(FOLDER / "null.svg")
     draw_split(FOLDER / "split.svg")
+    draw_join(FOLDER / "join.svg")
 
 
 def draw_null(path: Path) -> None:
@@ -81,6 +83,43 @@ def draw_split(path: Path) -> None:
     axis.axvline(1.0, color="black", linewidth=1)
     axis.set(xscale="log", yticks=[], xlabel="R: what a split saves, over what its border costs")
     axis.legend(frameon=False, loc="upper left")
+    _save(figure, path)
+
+
+def draw_join(path: Path) -> None:
+    """Parallax relative to a plane of the static scene, and the lines through its epipole."""
+    spec = Spec(2, (160, 50), noise=0.3, moving_camera=True, speed=25, turn=6)
+    scene = generate(spec, np.random.default_rng(2))
+    centre = scene.points.mean(axis=(0, 1))
+    first, second = (scene.points - centre).transpose(1, 0, 2) / 200.0
+    static = scene.labels == 1
+    fit = fit_epipolar(first[static], second[static], np.ones(static.sum()), 0.0015)
+    plane = compatible_plane(fit.matrix, first[static], second[static], 0.0015)
+    place = mapped_points(plane, first)[0] * 200.0 + centre
+    shift = second * 200.0 + centre - place
+    epipole = np.linalg.svd(fit.matrix)[0][:, 2]
+    across = epipole[:2] * 200.0 + epipole[2] * (centre - place)
+    across /= np.linalg.norm(across, axis=1, keepdims=True)
+    figure = Figure(figsize=(6.4, 4.2))
+    axes = figure.subplots()
+    for tail, along in zip(place[static], across[static], strict=True):
+        ends = np.stack([tail - 30 * along, tail + 30 * along])
+        axes.plot(*ends.T, color="#d8d8d8", linewidth=0.8, zorder=0)
+    for own, colour, name in ((static, BLUE, "static scene"), (~static, ORANGE, "moving body")):
+        axes.quiver(
+            *place[own].T,
+            *shift[own].T,
+            color=colour,
+            angles="xy",
+            scale_units="xy",
+            scale=1.0,
+            width=0.003,
+            label=name,
+        )
+    axes.set(xticks=[], yticks=[], aspect="equal")
+    axes.invert_yaxis()
+    axes.spines["bottom"].set_visible(False)
+    figure.legend(*axes.get_legend_handles_labels(), loc="outside upper left", frameon=False)
     _save(figure, path)
 
 

@@ -259,6 +259,30 @@ class Mode(Record, frozen=True):
     motion: int = 0
 
 
+class Part(Record, frozen=True):
+    """One of several motions that were joined: a plane or patch of a rigid body.
+
+    Attributes
+    ----------
+    set_index : int
+        The index of the set that it comes from.
+    model : str
+        Its motion model.
+    parameters : ndarray of float64
+        The motion, a point on the manifold of the model, in normalized coordinates.
+    inliers : ndarray of int64
+        Indices of its tracks.
+    rms : float
+        Root mean square of its residuals, in pixels.
+    """
+
+    set_index: int
+    model: str
+    parameters: Floats
+    inliers: Integers
+    rms: float
+
+
 class Motion(Record, frozen=True):
     """A selected mode, refitted to its inliers.
 
@@ -285,11 +309,11 @@ class Motion(Record, frozen=True):
         Natural logarithm of the expected number of false alarms: of groups whose tracks move as
         coherently among random walks (``sampling.chimeras``); None if it was not tested.
     matrix : ndarray [3, 3] or [F, 3, 3] of float64, optional
-        The motion in pixels, least squares over the inliers. Two views: the map from the first to
-        the second, with last entry 1, as ``cv2.findHomography`` returns it. More views: the affine
-        map from the first frame that shows the motion to each frame; NaN where the inliers
-        determine none. None for ``translation``, which predicts no points. Points must be free of
-        lens distortion.
+        The motion in pixels, least squares over the inliers, or those of the largest part. Two
+        views: the map from the first to the second, with last entry 1, as ``cv2.findHomography``
+        returns it. More views: the affine map from the first frame that shows the motion to each
+        frame; NaN where the inliers determine none. None for ``translation``, which predicts no
+        points. Points must be free of lens distortion.
     direction : ndarray [3] of float64, optional
         ``translation``: the unit vector of the motion of the object relative to the camera, in the
         coordinates of the first view (x right, y down, z forward).
@@ -301,6 +325,12 @@ class Motion(Record, frozen=True):
         ``origin`` + ``basis`` s.
     origin : ndarray [F, 2] of float64, optional
         ``factorization``: see ``basis``.
+    parts : tuple of Part
+        The motions that were joined to this one, the largest first, if one epipolar geometry holds
+        them together (``segmentation.rigid_join``). ``model`` and ``parameters`` are then those of
+        the largest; residuals are from the part that a track belongs to.
+    rigid_evidence : float, optional
+        Evidence, in nats, for the parts to be one rigid body; None without parts.
     """
 
     label: int
@@ -317,6 +347,8 @@ class Motion(Record, frozen=True):
     epipole: Floats | None = None
     basis: Floats | None = None
     origin: Floats | None = None
+    parts: tuple[Part, ...] = ()
+    rigid_evidence: float | None = None
 
 
 class ClusterResult(Record, frozen=True):

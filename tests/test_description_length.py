@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import trapezoid
 
-from mssegment.datasets.adelaidermf import read
+from mssegment.datasets import read
 from mssegment.errors import DataError
 from mssegment.evaluation import misclassification
 from mssegment.records import ClusterResult, Floats, Integers, replace

@@ -236,10 +236,12 @@ class SegmentSettings(Section, frozen=True):
     ] = "auto"
     min_motions: Annotated[int, Meta(ge=0, description="Minimum number of motions.")] = 0
     granularity: Annotated[
-        Literal["object", "surface", "auto"],
+        Literal["object", "surface", "auto", "none"],
         Meta(
-            description="object: planes of one rigid object are merged; surface: each plane is a "
-            "motion of its own; auto: surface if the planes found are flat, otherwise object."
+            description="object: each rigid body is a motion, and the planes of one are joined, "
+            "such as those of a static scene; surface: each plane is a motion of its own; auto: "
+            "surface if the planes found are flat, otherwise object; none: as object, but nothing "
+            "is joined."
         ),
     ] = "object"
     camera_motion: Annotated[

@@ -303,6 +303,16 @@ def _motion_json(report: Report, motion: Motion) -> dict[str, Any]:
         "rms": _number(motion.rms),
         "cost_saved": _number(motion.cost_saved),
         "log_nfa": _number(motion.log_nfa),
+        "rigid_evidence": _number(motion.rigid_evidence),
+        "parts": [
+            {
+                "model": part.model,
+                "inliers": len(part.inliers),
+                "rms": _number(part.rms),
+                "parameters": _numbers(part.parameters),
+            }
+            for part in motion.parts
+        ],
         "true_motion": report.true_motion(motion.label),
         "parameters": _numbers(motion.parameters),
         **{name: _array(getattr(motion, name)) for name in IN_PIXELS},

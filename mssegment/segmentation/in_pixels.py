@@ -32,7 +32,8 @@ def with_pixels(
 def _with_pixels(motion: Motion, sets: Sequence[HypothesisSet], points: Floats) -> Motion:
     chosen = sets[motion.set_index]
     fields = of_set(chosen).in_pixels(motion.parameters, chosen.normalization)
-    inliers = points[motion.inliers]
+    # several planes of one body have no map in common: that of the largest
+    inliers = points[(motion.parts[0] if motion.parts else motion).inliers]
     if points.shape[1] > 2:
         # the set may be over two of the frames only
         fields["matrix"] = affine_poses(inliers)

@@ -7,8 +7,8 @@ from typing import Literal
 from mssegment.errors import ConfigurationError, UsageError
 from mssegment.records import Record, Strategy
 
-Granularity = Literal["object", "surface", "auto"]
-"""Whether the planar surfaces of an object are one motion or several."""
+Granularity = Literal["object", "surface", "auto", "none"]
+"""What a motion is: a rigid body, a planar surface, or what the model finds."""
 
 
 class SegmentOptions(Record, frozen=True):
@@ -26,9 +26,9 @@ class SegmentOptions(Record, frozen=True):
         The number of motions, if it is known.
     min_motions : int
         The least number of motions, if their number is not known.
-    granularity : {"object", "surface", "auto"}
-        Whether a motion is that of an object or of a planar surface, for models that predict
-        points.
+    granularity : {"object", "surface", "auto", "none"}
+        Whether a motion is that of a rigid object, of a planar surface, or what the model finds,
+        with parallax as noise but nothing joined; for models that predict points.
     threads : int
         Number of threads of mean shift; the result does not depend on it.
     """

@@ -37,6 +37,10 @@ class SelectionProblem(Record, frozen=True):
         For each set, the index of the mode that each hypothesis converges to; -1 for none.
     tracks : ndarray [P] of int
         Index of each track in the elemental subsets of the hypotheses.
+    static_camera : bool
+        Whether a static background was removed, so that nothing else is static.
+    noise : float
+        Noise of two views in pixels (``preprocessing.noise``); NaN for more views.
     """
 
     points: Floats
@@ -46,6 +50,8 @@ class SelectionProblem(Record, frozen=True):
     rng: np.random.Generator
     assignments: tuple[Integers, ...]
     tracks: Integers
+    static_camera: bool = False
+    noise: float = float("nan")
 
 
 class SelectedMotion(Record, frozen=True):
@@ -75,11 +81,26 @@ class SelectedMotion(Record, frozen=True):
     cost_saved: float | None = None
 
 
+class Body(Record, frozen=True):
+    """Motions that are one rigid body.
+
+    ``members`` are their indices, the largest motion first; ``evidence`` is in nats, None for a
+    single motion.
+    """
+
+    members: tuple[int, ...]
+    evidence: float | None = None
+
+
 class SelectionResult(Record, frozen=True):
-    """The motions that a selection found, and notes for the user."""
+    """The motions that a selection found, and notes for the user.
+
+    ``bodies`` says which of the motions are one; by default each is a body of its own.
+    """
 
     motions: tuple[SelectedMotion, ...]
     notes: tuple[str, ...] = ()
+    bodies: tuple[Body, ...] | None = None
 
 
 Selection = Callable[[SelectionProblem], SelectionResult]

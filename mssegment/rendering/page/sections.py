@@ -74,7 +74,26 @@ def motions_html(report: Report) -> str:
             true = report.true_motion(motion.label)
             cells.append("none" if true is None else str(true))
         rows.append(_row(_motion_key(report, motion.label), cells))
-    return _table("Motions", header, rows)
+    return _table("Motions", header, rows) + _joined_html(report)
+
+
+def _joined_html(report: Report) -> str:
+    """The motions that were joined to rigid bodies, and the evidence for each body."""
+    rows = []
+    for motion in report.motions:
+        for k, part in enumerate(motion.parts, start=1):
+            evidence = fixed(motion.rigid_evidence, 1) if k == 1 else ""
+            cells = [f"{k}", escape(part.model), str(len(part.inliers)), fixed(part.rms, 2)]
+            rows.append(_row(_motion_key(report, motion.label), [*cells, evidence]))
+    if not rows:
+        return ""
+    text = (
+        "One epipolar geometry explains the parts of each of these motions better than several: "
+        "they are one rigid body, such as the static scene before a moving camera. The evidence is "
+        "the logarithm of how many times better."
+    )
+    header = ["motion", "part", "model", "inliers", "RMS residual (px)", "evidence (nats)"]
+    return f"<p>{text}</p>" + _table("Joined motions", header, rows)
 
 
 def modes_html(report: Report) -> str:

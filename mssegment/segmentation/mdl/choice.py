@@ -32,7 +32,13 @@ from mssegment.segmentation.mdl.likelihood import Noise, uniform_cost
 from mssegment.segmentation.mdl.refinement import refit_once
 from mssegment.segmentation.mdl.search import improve, refitted, start
 from mssegment.segmentation.options import Granularity
-from mssegment.segmentation.selection import SelectedMotion, SelectionProblem, SelectionResult
+from mssegment.segmentation.rigid_join import rigid_bodies
+from mssegment.segmentation.selection import (
+    Body,
+    SelectedMotion,
+    SelectionProblem,
+    SelectionResult,
+)
 
 PLANE_NEIGHBOUR_WEIGHT = 0.5
 """Weight of the prediction of a label by its neighbours, relative to that by frequency, for planes
@@ -96,11 +102,12 @@ def mdl(problem: SelectionProblem, ingredients: Ingredients = ALL_INGREDIENTS) -
     if problem.options.granularity == "object" and problem.options.motions is None:
         labels, best = merge_faces(problem, labels, best, description)
     found = selected_motions(best, labels, description)
-    if len(found) < description.min_motions:
-        notes.append(f"{description.min_motions} motions requested, {len(found)} found")
+    bodies = bodies_of(problem, found, description)
+    if len(bodies) < description.min_motions:
+        notes.append(f"{description.min_motions} motions requested, {len(bodies)} found")
     if len(problem.observed_sets) > 1 and found:
         notes.append(models_chosen(problem, found))
-    return SelectionResult(tuple(found), tuple(notes))
+    return SelectionResult(tuple(found), tuple(notes), bodies)
 
 
 def shortest_description(
@@ -190,8 +197,14 @@ def make_families(problem: SelectionProblem, ingredients: Ingredients) -> list[F
     for index, observed_set in enumerate(problem.observed_sets):
         model, normalization = observed_set.model, observed_set.hypotheses.normalization
         predicts_points = not model.leaves_parallax_free
-        floor, cap = scale_range(problem.points, predicts_points, model.needs_camera)
         granularity = problem.options.granularity
+        floor, cap = scale_range(
+            problem.points,
+            predicts_points,
+            model.needs_camera,
+            flat=granularity == "surface" and has_perspective_planes(problem),
+            noise=problem.noise,
+        )
         noise = Noise(
             dimension=model.residual_dimension,
             residual_terms=model.residual_terms,
@@ -240,6 +253,29 @@ def final_labels(
         if np.array_equal(labels, before):
             break
     return labels, current
+
+
+def bodies_of(
+    problem: SelectionProblem, found: Sequence[SelectedMotion], description: Description
+) -> tuple[Body, ...]:
+    """Which motions are one rigid body: under a moving camera, the static scene.
+
+    Before a static camera, nothing else is static; a given number of motions is kept, and so are
+    motions that leave parallax free, each of which is a rigid body.
+    """
+    single = tuple(Body((k,)) for k in range(len(found)))
+    options = problem.options
+    if (
+        options.granularity != "object"
+        or options.motions is not None
+        or problem.static_camera
+        or problem.points.shape[1] != 2
+        or len(found) < 2
+        or any(f.observed_set.model.leaves_parallax_free for f in description.families)
+    ):
+        return single
+    bodies = rigid_bodies(problem.points, [m.inliers for m in found], problem.noise)
+    return single if len(bodies) < options.min_motions else bodies
 
 
 def models_chosen(problem: SelectionProblem, found: Sequence[SelectedMotion]) -> str:

@@ -3,8 +3,9 @@
 A motion that predicts points (affine, homography) is exact only for a plane. An object that is not
 flat has parallax, which grows with its displacement. Whether parallax is noise (``object``) or
 makes two motions (``surface``) is an option. Motions that leave parallax free (translation,
-factorization) do not need it. All scales are relative to lengths in the tracks, so that an image of
-twice the size has the same labels.
+factorization) do not need it. Over two views the scales are relative to the noise that was measured
+in the matches, otherwise to lengths in the tracks, so that an image of twice the size has the same
+labels.
 """
 
 from __future__ import annotations
@@ -16,6 +17,9 @@ from mssegment.segmentation.options import Granularity
 
 MIN_SCALE = 1e-6
 """Smallest scale in pixels, so that coincident tracks do not cause a division by zero."""
+NOISE_SCALES = (1.16, 5.8)
+"""Floor and cap of the scale of a motion that predicts points, over the measured noise: a plane is
+no better than the noise, and no real surface is exactly planar."""
 SURFACE_SCALES = (0.00125, 0.006)
 """Floor and cap of the scale of a motion that predicts points, relative to the diagonal of the
 bounding box of the tracks: 1 to 5 pixels in 640 x 480. No real surface is exactly planar."""
@@ -60,22 +64,46 @@ def diagonal(points: Floats) -> float:
 
 
 def scale_range(
-    points: Floats, predicts_points: bool, calibrated: bool = False
+    points: Floats,
+    predicts_points: bool,
+    calibrated: bool = False,
+    *,
+    flat: bool = False,
+    noise: float = float("nan"),
 ) -> tuple[float, float]:
-    """Smallest and largest scale of the residuals of a motion, in pixels, for tracks [P, F, 2]."""
+    """Smallest and largest scale of the residuals of a motion, in pixels.
+
+    Parameters
+    ----------
+    points : ndarray [P, F, 2]
+        Tracks in pixels.
+    predicts_points : bool
+        Whether the model predicts points.
+    calibrated : bool
+        Whether the camera is calibrated.
+    flat : bool
+        Whether motions are those of planes under perspective, which nothing but noise makes
+        inexact. The scales of others are at most those relative to the extent of the tracks.
+    noise : float
+        The noise in pixels, NaN where it is not known.
+    """
     extent = diagonal(points)
-    floor, cap = (
+    relative = (
         SURFACE_SCALES
         if predicts_points
         else CALIBRATED_SCALES
         if calibrated
         else AFFINE_CAMERA_SCALES
     )
-    return max(floor * extent, MIN_SCALE), max(cap * extent, MIN_SCALE)
+    floor, cap = relative[0] * extent, relative[1] * extent
+    if predicts_points and np.isfinite(noise):
+        own = NOISE_SCALES[0] * noise, NOISE_SCALES[1] * noise
+        floor, cap = own if flat else (min(floor, own[0]), min(cap, own[1]))
+    return max(floor, MIN_SCALE), max(cap, MIN_SCALE)
 
 
 def parallax_noise(points: Floats, granularity: Granularity, predicts_points: bool) -> Floats:
     """Misfit of each track [P, F, 2] that is due to parallax within its object, in pixels [P]."""
     displacement = np.linalg.norm(points - points[:, :1], axis=-1).max(axis=1)
-    share = PARALLAX_SHARE if granularity == "object" and predicts_points else 0.0
+    share = PARALLAX_SHARE if granularity != "surface" and predicts_points else 0.0
     return np.asarray(share * displacement)

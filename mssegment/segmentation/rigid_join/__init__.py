@@ -1,0 +1,9 @@
+"""Motions that one epipolar geometry holds together are one rigid body.
+
+- ``epipoles``: how likely the parallax of several groups is, over all directions of the epipole;
+- ``bodies``: which groups one epipole explains better than epipoles of their own.
+"""
+
+from mssegment.segmentation.rigid_join.bodies import rigid_bodies
+
+__all__ = ["rigid_bodies"]

@@ -1,0 +1,188 @@
+"""Which groups of matches are one rigid body.
+
+A group may have an epipole of its own, or that of the body. It belongs to the body if the epipole
+of the body explains its parallax better than what it would cost to have one of its own. Groups that
+translate without parallax, or whose parallax any epipole explains, give no evidence and are not
+joined.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from mssegment.geometry.epipolar_fit import compatible_plane, fit_epipolar, mapped_points
+from mssegment.models import Flags
+from mssegment.records import Floats, Record
+from mssegment.segmentation.rigid_join.epipoles import EpipoleTable, Parallax
+from mssegment.segmentation.selection import Body
+from mssegment.special import quantile
+
+MIN_MATCHES = 4
+"""Fewest matches of a group: three do not say more than their affine map."""
+MIN_EVIDENCE = 2.0
+"""Nats that each member must add to the evidence for a body."""
+INDEPENDENT_MATCHES = 50
+"""The likelihood of more matches counts as that of so many: their errors are not independent, and
+no surface is exactly flat."""
+SAMPLED_MATCHES = 200
+"""Matches of a group that are looked at."""
+SCALE_OF_NOISE = 1.16
+"""Scale of the distribution of parallax, over the noise."""
+PARAMETERS_APART = 3.0
+"""Parameters that a plane of its own has beyond the plane of the body with the same epipole."""
+
+
+class _Group(Record, frozen=True):
+    """The matches [n, 2] of a group (a sample), the size of the group, and its weight for each.
+
+    ``plane`` is compatible with the epipolar geometry that fits the group alone, whose evidence is
+    ``own``.
+    """
+
+    name: int
+    first: Floats
+    second: Floats
+    size: int
+    weight: float
+    plane: Floats
+    own: float
+
+
+class _Hypothesis(Record, frozen=True):
+    """Members of a body (positions in the list of groups, the reference not among them)."""
+
+    members: tuple[int, ...]
+    evidence: float
+
+
+def rigid_bodies(points: Floats, members: Sequence[Flags], noise: float) -> tuple[Body, ...]:
+    """Join groups of matches that are one rigid body.
+
+    Parameters
+    ----------
+    points : ndarray [P, 2, 2]
+        Matches in pixels.
+    members : sequence of ndarray [P] of bool
+        The matches of each group. Groups of fewer than ``MIN_MATCHES`` are not joined.
+    noise : float
+        Noise of the matches in pixels (``preprocessing.noise``).
+
+    Returns
+    -------
+    tuple of Body
+        Every group in one of them, as its index; the body with the largest group first.
+    """
+    names = [k for k, own in enumerate(members) if own.sum() >= MIN_MATCHES]
+    single = tuple(Body((k,)) for k in range(len(members)) if k not in names)
+    if not names:
+        return single
+    matches = points[np.any([members[k] for k in names], axis=0)]
+    centres = matches.mean(axis=0)
+    unit = math.sqrt(float(((matches - centres) ** 2).sum(axis=-1).mean()) / 2)
+    normalized, scale = (points - centres) / unit, SCALE_OF_NOISE * noise / unit
+    left = [_group(normalized[members[k]], k, scale) for k in names]
+    left.sort(key=lambda group: -group.size)
+    bodies = []
+    while left:
+        found = _body_of_first(left, scale)
+        together = (0, *found.members)
+        evidence = found.evidence if found.members else None
+        bodies.append(Body(tuple(left[k].name for k in together), evidence))
+        left = [group for k, group in enumerate(left) if k not in together]
+    return (*bodies, *single)
+
+
+def _group(matches: Floats, name: int, scale: float) -> _Group:
+    size = len(matches)
+    sample = matches[np.linspace(0, size - 1, min(size, SAMPLED_MATCHES)).round().astype(int)]
+    first, second = sample[:, 0], sample[:, 1]
+    weight = min(1.0, INDEPENDENT_MATCHES / size) * size / len(sample)
+    fit = fit_epipolar(first, second, np.ones(len(sample)), scale)
+    plane = compatible_plane(fit.matrix, first, second, scale)
+    places = mapped_points(plane, first)[0]
+    same = np.zeros(len(sample), dtype=np.int64)
+    table = EpipoleTable.of(Parallax(places, second - places, same, np.array([weight]), scale))
+    return _Group(name, first, second, size, weight, plane, table.log_mean([0]))
+
+
+def _body_of_first(groups: Sequence[_Group], scale: float) -> _Hypothesis:
+    """The body of the first of the groups, by the best of several epipolar geometries."""
+    count = len(groups)
+    best = _Hypothesis((), 0.0)
+    waiting = [tuple(range(count))]
+    if count > 2:
+        waiting += [(0, k) for k in range(1, count)]
+    tried: set[tuple[int, ...]] = set()
+    while waiting and count > 1:
+        fitted_to = waiting.pop(0)
+        if fitted_to in tried:
+            continue
+        tried.add(fitted_to)
+        found = _members(groups, fitted_to, scale)
+        if found.members:
+            waiting.append((0, *found.members))
+        if found.evidence > best.evidence:
+            best = found
+    return best
+
+
+def _members(groups: Sequence[_Group], fitted_to: Sequence[int], scale: float) -> _Hypothesis:
+    """The groups that belong to the first one with the epipolar geometry of some of them."""
+    chosen = [groups[k] for k in fitted_to]
+    fit = fit_epipolar(
+        np.concatenate([group.first for group in chosen]),
+        np.concatenate([group.second for group in chosen]),
+        np.repeat([group.weight for group in chosen], [len(group.first) for group in chosen]),
+        scale,
+    )
+    plane = compatible_plane(fit.matrix, groups[0].first, groups[0].second, scale)
+    places = [mapped_points(plane, group.first)[0] for group in groups]
+    parallax = Parallax(
+        np.concatenate(places),
+        np.concatenate([group.second for group in groups]) - np.concatenate(places),
+        np.repeat(np.arange(len(groups)), [len(place) for place in places]),
+        np.array([group.weight for group in groups]),
+        scale,
+    )
+    table = EpipoleTable.of(parallax)
+    apart = np.array(
+        [
+            max(table.log_mean([k]), _evidence_apart(group, place, scale))
+            for k, (group, place) in enumerate(zip(groups, places, strict=True))
+        ]
+    )
+    total = table.values[:, 0] + np.maximum(table.values[:, 1:], apart[1:]).sum(axis=1)
+    at = int(total.argmax())
+    members = [k for k in range(1, len(groups)) if table.values[at, k] > apart[k]]
+    while members:
+        evidence = table.log_mean([0, *members])
+        total_gain = evidence - float(apart[[0, *members]].sum())
+        gains = [
+            evidence - table.log_mean([0, *(m for m in members if m != k)]) - apart[k]
+            for k in members
+        ]
+        if len(members) == 1:
+            gains = [total_gain]
+        weakest = int(np.argmin(gains))
+        if gains[weakest] > MIN_EVIDENCE:
+            break
+        members.pop(weakest)
+    if not members or total_gain < MIN_EVIDENCE:
+        return _Hypothesis((), 0.0)
+    return _Hypothesis(tuple(members), total_gain)
+
+
+def _evidence_apart(group: _Group, places: Floats, scale: float) -> float:
+    """The evidence for a group with epipole and plane of its own.
+
+    The plane costs what it takes to say how far, to the precision of its matches, it is from the
+    plane of the body.
+    """
+    difference = mapped_points(group.plane, group.first)[0] - places
+    difference = difference - quantile(difference.T, 0.5)
+    distance = math.sqrt(float((difference**2).sum(axis=1).mean()))
+    precision = scale / math.sqrt(min(group.size, INDEPENDENT_MATCHES))
+    return group.own - PARAMETERS_APART * max(0.0, math.log(max(distance, 1e-300) / precision))

@@ -1,0 +1,136 @@
+"""The likelihood of parallax over all directions of the epipole.
+
+Relative to a plane, the points of a rigid body move along lines through the epipole. Its direction
+is unknown: evidence for a body is a mean over the half-sphere of all directions, computed on a grid
+of cells of equal area that is refined where the likelihood is large.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from mssegment.models import Flags
+from mssegment.records import Floats, Integers, Record
+
+FREEDOM = 2.5
+"""Degrees of freedom of the Student t distribution of the parallax across the epipolar lines."""
+FIRST_CELLS = (8, 32)
+"""Cells of the first grid, in height and longitude."""
+LEVELS = 8
+"""How many times cells are divided into four."""
+DIVIDED = 16
+"""Most cells that are divided at a time for each group."""
+NEGLIGIBLE = 8.0
+"""Cells whose share of the integral is by this many nats below the largest are not divided."""
+SMALLEST = 2.0**-12
+"""Cells of this height are not divided."""
+PLANE_EXTENT = 2.8
+"""Extent of the picture in units of the rms radius of its matches: the focal length at which the
+half-sphere is cut into cells."""
+
+
+class Parallax(Record, frozen=True):
+    """Parallax of matches relative to a plane.
+
+    Attributes
+    ----------
+    places : ndarray [P, 2]
+        Images of the points under the homography of the plane.
+    shifts : ndarray [P, 2]
+        Parallax: where the points are, relative to the ``places``.
+    groups : ndarray [P] of int
+        Group of each match, 0 to G - 1.
+    weights : ndarray [G]
+        Exponent of the likelihood of each group.
+    scale : float
+        Scale of the noise.
+    """
+
+    places: Floats
+    shifts: Floats
+    groups: Integers
+    weights: Floats
+    scale: float
+
+    def log_likelihood(self, epipoles: Floats) -> Floats:
+        """Log-likelihood [E, G] of each group with epipoles [E, 3], relative to no parallax."""
+        direction = epipoles[:, None, :2] - epipoles[:, None, 2:] * (self.places / PLANE_EXTENT)
+        square = direction[..., 0] ** 2 + direction[..., 1] ** 2 + 1e-18
+        across = direction[..., 0] * self.shifts[:, 1] - direction[..., 1] * self.shifts[:, 0]
+        terms = across**2
+        terms /= square * (FREEDOM * self.scale**2)
+        terms += 1.0
+        np.log(terms, out=terms)
+        member = self.groups[:, None] == np.arange(len(self.weights))
+        return np.asarray(-(FREEDOM + 1) / 2 * self.weights * (terms @ member))
+
+
+class EpipoleTable(Record, frozen=True):
+    """Log-likelihood [E, G] of groups in cells of the half-sphere, and logs [E] of their shares."""
+
+    values: Floats
+    log_shares: Floats
+
+    @classmethod
+    def of(cls, parallax: Parallax) -> EpipoleTable:
+        """Evaluate the likelihood on a grid refined for every group and for all together."""
+        cells = _first_cells()
+        values = parallax.log_likelihood(_directions(cells))
+        for _ in range(LEVELS):
+            divided = _to_divide(cells, values)
+            if not divided.any():
+                break
+            new = _children(cells[divided])
+            cells = np.concatenate([cells[~divided], new])
+            fresh = parallax.log_likelihood(_directions(new))
+            values = np.concatenate([values[~divided], fresh])
+        return cls(values, np.log(cells[:, 2] * cells[:, 3] / (2 * np.pi)))
+
+    def log_mean(self, groups: list[int]) -> float:
+        """Log of the mean, over all epipoles, of the likelihood of these groups together."""
+        terms = self.values[:, groups].sum(axis=1) + self.log_shares
+        largest = float(terms.max())
+        return largest + math.log(float(np.exp(terms - largest).sum()))
+
+
+def _first_cells() -> Floats:
+    """Cells [n, 4]: height z, longitude, and their widths; equal widths are equal areas."""
+    rows, columns = FIRST_CELLS
+    z, longitude = np.meshgrid(
+        (np.arange(rows) + 0.5) / rows,
+        (np.arange(columns) + 0.5) * 2 * np.pi / columns,
+        indexing="ij",
+    )
+    widths = np.full((z.size, 2), [1 / rows, 2 * np.pi / columns])
+    return np.concatenate([z.reshape(-1, 1), longitude.reshape(-1, 1), widths], axis=1)
+
+
+def _directions(cells: Floats) -> Floats:
+    """Unit vectors [n, 3] at the centres of cells."""
+    radius = np.sqrt(np.maximum(1 - cells[:, 0] ** 2, 0.0))
+    x, y = radius * np.cos(cells[:, 1]), radius * np.sin(cells[:, 1])
+    return np.stack([x, y, cells[:, 0]], axis=1)
+
+
+def _children(cells: Floats) -> Floats:
+    """The four quarters of each cell."""
+    quarters = []
+    for up in (-0.25, 0.25):
+        for right in (-0.25, 0.25):
+            centre = cells[:, :2] + cells[:, 2:] * [up, right]
+            quarters.append(np.concatenate([centre, cells[:, 2:] / 2], axis=1))
+    return np.concatenate(quarters)
+
+
+def _to_divide(cells: Floats, values: Floats) -> Flags:
+    """Which cells hold most of the integral, of any group or of all together."""
+    columns = np.concatenate([values, values.sum(axis=1, keepdims=True)], axis=1)
+    columns = columns + np.log(cells[:, 2] * cells[:, 3])[:, None]
+    columns[cells[:, 2] <= SMALLEST] = -np.inf
+    largest = columns.max(axis=0)
+    count = min(DIVIDED, len(columns))
+    threshold = np.partition(columns, -count, axis=0)[-count]
+    chosen = (columns >= np.maximum(threshold, largest - NEGLIGIBLE)) & np.isfinite(columns)
+    return np.asarray(chosen.any(axis=1))

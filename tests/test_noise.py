@@ -1,0 +1,61 @@
+"""The noise of matches is measured: at any level, with mismatches, at any offset and scale."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from mssegment.neighbours import nearest_others
+from mssegment.preprocessing.noise import (
+    QUANTILE,
+    QUANTILE_OF_NORMAL,
+    local_scales,
+    measured_noise,
+    reference_noise,
+)
+from mssegment.records import Floats
+
+
+def plane(rng: np.random.Generator, count: int, noise: float, outliers: int = 0) -> Floats:
+    """Matches of one affine motion with noise in the second view, and mismatches."""
+    first = rng.uniform(0, 400, (count + outliers, 2))
+    second = first @ np.array([[1.05, 0.02], [-0.03, 0.97]]) + [9.0, 2.0]
+    second += rng.normal(0, noise, second.shape)
+    second[count:] = rng.uniform(0, 400, (outliers, 2))
+    return np.stack([first, second], axis=1)
+
+
+@pytest.mark.parametrize("size", QUANTILE_OF_NORMAL)
+def test_the_quantile_of_normal_noise_is_as_simulated(size: int) -> None:
+    found = []
+    for seed in range(8):
+        points = plane(np.random.default_rng(seed), 400, 1.0)
+        near = nearest_others(points.reshape(-1, 4), size)
+        found.append(np.quantile(local_scales(points, near), QUANTILE))
+    assert np.mean(found) == pytest.approx(QUANTILE_OF_NORMAL[size], rel=0.12)
+
+
+@pytest.mark.parametrize("noise", [0.3, 1.0, 3.0])
+@pytest.mark.parametrize(("count", "outliers"), [(40, 0), (400, 0), (300, 250)])
+def test_the_noise_is_found(noise: float, count: int, outliers: int) -> None:
+    found = [
+        measured_noise(plane(np.random.default_rng(seed), count, noise, outliers))
+        for seed in range(5)
+    ]
+    assert 0.6 * noise < np.median(found) < 1.7 * noise
+
+
+def test_the_noise_has_the_unit_of_the_coordinates_and_no_origin() -> None:
+    points = plane(np.random.default_rng(0), 200, 0.7, 60)
+    noise = measured_noise(points)
+    assert measured_noise(points + 20_000.0) == pytest.approx(noise, rel=1e-3)
+    assert measured_noise(points / 1000) == pytest.approx(noise / 1000, rel=1e-3)
+    assert reference_noise(points / 1000) == pytest.approx(reference_noise(points) / 1000)
+
+
+def test_exact_matches_have_the_noise_of_the_best_matchers() -> None:
+    points = plane(np.random.default_rng(0), 200, 0.0)
+    assert measured_noise(points) < 1e-6
+    assert 0.1 < reference_noise(points) < 0.3
+    assert np.isnan(measured_noise(points[:7]))
+    assert 0 < reference_noise(points[:7]) < 0.3

@@ -1,0 +1,136 @@
+"""Motions that one epipolar geometry holds together are one rigid body; others are not."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import mssegment
+from mssegment.geometry.epipolar import sampson
+from mssegment.geometry.epipolar_fit import compatible_plane, fit_epipolar, mapped_points
+from mssegment.geometry.projective import homogeneous
+from mssegment.geometry.rotations import rotation
+from mssegment.records import Floats
+from mssegment.segmentation.rigid_join import rigid_bodies
+
+FOCAL, CENTRE = 700.0, np.array([320.0, 240.0])
+NOISE = 0.3
+
+
+def wall(rng: np.random.Generator, count: int, corner: tuple[float, float], depth: float) -> Floats:
+    """Points [count, 3] of a wall with bay windows that fills 160 x 160 pixels."""
+    pixels = np.array(corner) + rng.uniform(0, 160, (count, 2))
+    along = (pixels[:, :1] - corner[0]) / 160
+    tilt = 1 + 0.3 * along + 0.2 * np.sin(6 * np.pi * along)
+    rays = homogeneous((pixels - CENTRE) / FOCAL)
+    return np.asarray(rays * depth * tilt)
+
+
+def seen(points: Floats, turn: Floats, shift: Floats, rng: np.random.Generator) -> Floats:
+    """Matches [n, 2, 2] before and after a rigid motion of the points."""
+    after = points @ rotation(turn).T + shift
+    views = [FOCAL * p[:, :2] / p[:, 2:] + CENTRE for p in (points, after)]
+    matches = np.stack(views, axis=1)
+    return np.asarray(matches + rng.normal(0, NOISE, matches.shape))
+
+
+def scene(
+    seed: int, *, moves: bool, counts: tuple[int, ...] = (80, 60, 60)
+) -> tuple[Floats, list[Floats]]:
+    """Three walls before a camera that moves; the third may move by itself."""
+    rng = np.random.default_rng(seed)
+    places = (((40, 60), 8.0), ((240, 200), 12.0), ((440, 80), 18.0))
+    turn, shift = np.array([0.01, -0.02, 0.015]), np.array([0.6, 0.2, 0.15])
+    own_turn, own_shift = np.array([-0.03, 0.05, 0.1]), np.array([0.2, -1.0, -0.4])
+    parts = []
+    for k, (count, (corner, depth)) in enumerate(zip(counts, places, strict=True)):
+        points = wall(rng, count, corner, depth)
+        apart = moves and k == 2
+        parts.append(seen(points, own_turn if apart else turn, own_shift if apart else shift, rng))
+    return np.concatenate(parts), parts
+
+
+def partition(points: Floats, parts: list[Floats]) -> list[list[int]]:
+    """The bodies found among the parts, as sorted indices of the parts."""
+    ends = np.cumsum([len(part) for part in parts])
+    index = np.searchsorted(ends, np.arange(len(points)), side="right")
+    members = [np.asarray(index == k) for k in range(len(parts))]
+    bodies = rigid_bodies(points, members, NOISE * np.sqrt(2))
+    return sorted(sorted(body.members) for body in bodies)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_walls_of_a_static_scene_are_one_body(seed: int) -> None:
+    assert partition(*scene(seed, moves=False)) == [[0, 1, 2]]
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_wall_that_moves_by_itself_is_another_body(seed: int) -> None:
+    assert partition(*scene(seed, moves=True)) == [[0, 1], [2]]
+
+
+def test_small_groups_and_single_groups_are_bodies_of_their_own() -> None:
+    points, parts = scene(0, moves=False, counts=(80, 60, 3))
+    assert partition(points, parts) == [[0, 1], [2]]
+    assert partition(parts[0], parts[:1]) == [[0]]
+
+
+def test_two_flat_bodies_that_translate_are_not_joined() -> None:
+    """Any two translations of flat bodies have an epipolar geometry: it is no evidence."""
+    rng = np.random.default_rng(3)
+    parts = []
+    for corner, shift in (((50, 50), (20, 3)), ((380, 250), (-14, 9))):
+        first = np.array(corner) + rng.uniform(0, 150, (60, 2))
+        second = first + shift + rng.normal(0, NOISE, (60, 2))
+        parts.append(np.stack([first, second], axis=1))
+    assert partition(np.concatenate(parts), parts) == [[0], [1]]
+
+
+def test_units_and_offset_do_not_matter() -> None:
+    points, parts = scene(1, moves=True)
+    for scale, offset in ((1e-3, 0.0), (10.0, 20_000.0)):
+        ends = np.cumsum([len(part) for part in parts])
+        index = np.searchsorted(ends, np.arange(len(points)), side="right")
+        members = [np.asarray(index == k) for k in range(3)]
+        found = rigid_bodies(points * scale + offset, members, NOISE * np.sqrt(2) * scale)
+        assert sorted(sorted(body.members) for body in found) == [[0, 1], [2]]
+
+
+def test_epipolar_geometry_and_compatible_planes_hold() -> None:
+    points, parts = scene(2, moves=False)
+    unit = (points - points.mean(axis=0)) / 200.0
+    first, second = unit[:, 0], unit[:, 1]
+    fit = fit_epipolar(first, second, np.ones(len(unit)), NOISE / 200)
+    error = sampson(fit.matrix[None], homogeneous(first), homogeneous(second)).error[0]
+    assert np.median(np.abs(error)) < 1.5 * NOISE / 200
+    own = slice(0, len(parts[0]))
+    plane = compatible_plane(fit.matrix, first[own], second[own], NOISE / 200)
+    # H is compatible with F if F' H + H' F = 0
+    symmetric = fit.matrix.T @ plane
+    assert np.abs(symmetric + symmetric.T).max() < 1e-9 * np.abs(symmetric).max()
+    residual = np.linalg.norm(mapped_points(plane, first[own])[0] - second[own], axis=1)
+    assert np.median(residual) < 8 / 200
+
+
+def test_the_motions_that_were_joined_are_documented() -> None:
+    points, _ = scene(1, moves=True)
+    rng = np.random.default_rng(0)
+    wrong = rng.uniform(0, 480, (20, 2, 2))
+    matches = np.concatenate([points, wrong])
+    found = mssegment.segment_tracks(matches, {"background.remove": False}, frame_size=(640, 480))
+    static, moving = found.motions
+    assert len(static.parts) == 2
+    assert static.rigid_evidence is not None
+    assert static.rigid_evidence > 2
+    assert sorted(np.concatenate([part.inliers for part in static.parts])) == sorted(static.inliers)
+    assert not moving.parts
+    assert moving.rigid_evidence is None
+    assert static.rms < 5
+    assert any("motion 1 is one rigid body" in note for note in found.segmentation.notes)
+    apart = mssegment.segment_tracks(
+        matches,
+        {"background.remove": False, "segment.granularity": "none"},
+        frame_size=(640, 480),
+    )
+    assert len(apart.motions) == 3
+    assert not any(motion.parts for motion in apart.motions)
