@@ -31,6 +31,16 @@ REPORT_FIELDS = {
     ),
     "res_hat": ("list of numbers, or null", "Equation (24) for each motion."),
     "counted": ("number or null", "Tracks that the misclassification counts."),
+    "adjusted_rand": ("number or null", "Adjusted Rand index of the counted tracks."),
+    "world": (
+        "number or null",
+        "The found label that is right where the true label is 0; null if 0 is an outlier.",
+    ),
+    "objects": (
+        "list of objects, or null",
+        "The true objects, each with `true`, `motion` (matched), `iou` of the tracks, and `J` and "
+        "`F` of the masks.",
+    ),
     "true_motions": ("list of numbers, or null", "The labels of the rows of `confusion`."),
     "found_motions": ("list of numbers, or null", "The labels of its columns."),
     "camera_motion": (

@@ -15,13 +15,39 @@ import numpy as np
 
 from mssegment.datasets import labels_from_masks, labels_from_points, read_located_labels
 from mssegment.errors import DataError
-from mssegment.records import IGNORED, Frame, Integers, Tracks
+from mssegment.neighbours import nearest
+from mssegment.records import IGNORED, Floats, Frame, Integers, Record, Tracks
+
+
+class Truth(Record, frozen=True):
+    """What label files say about the tracks of a scene.
+
+    Attributes
+    ----------
+    labels : ndarray [P] of int64
+        1..n for a motion, 0 outlier or no object, ``IGNORED`` where there is no label.
+    masks : dict of int to ndarray [h, w]
+        The masks by the index of their frame; empty for labelled points.
+    note : str
+        How much of the labels belongs to a track.
+    """
+
+    labels: Integers
+    masks: dict[int, Integers]
+    note: str
 
 
 def true_labels(
     paths: Sequence[str], tracks: Tracks, frames: Sequence[Frame], radius: float
 ) -> Integers:
-    """Read the true label of every track.
+    """Read the true label of every track: the ``labels`` of ``read_truth``."""
+    return read_truth(paths, tracks, frames, radius).labels
+
+
+def read_truth(
+    paths: Sequence[str], tracks: Tracks, frames: Sequence[Frame], radius: float
+) -> Truth:
+    """Read the true label of every track, and the masks it is from.
 
     Parameters
     ----------
@@ -36,8 +62,7 @@ def true_labels(
 
     Returns
     -------
-    ndarray [P] of int64
-        1..n for a motion, 0 outlier, ``IGNORED`` where there is no label.
+    Truth
 
     Raises
     ------
@@ -50,17 +75,38 @@ def true_labels(
         raise DataError(
             f"{', '.join(paths)}: expected either one CSV of labels or mask images, not both"
         )
+    masks: dict[int, Integers] = {}
     if tables:
         places, labels = read_located_labels(Path(tables[0]))
         found = labels_from_points(tracks.points, places, labels, radius)
+        note = _coverage(tracks.points, places, radius)
         hint = f"none lies within {radius:g} px of a track; do they belong to the same images?"
     else:
         masks = _read_masks(paths, frames)
         found = labels_from_masks(tracks.points, masks)
+        judged = int((found != IGNORED).sum())
+        note = f"{judged} of {len(found)} tracks have a label in the {_count(len(masks), 'mask')}"
         hint = "every visible point lies outside the masks or where they are 255 (ignore)"
     if len(found) and (found == IGNORED).all():
         raise DataError(f"{', '.join(paths)}: the labels match no track: {hint}")
-    return found
+    return Truth(found, masks, note)
+
+
+def _coverage(points: Floats, places: Floats, radius: float) -> str:
+    """How many labelled points [n, 2 or 4] lie near a track."""
+    frames = places.shape[1] // 2
+    seen = points[:, :frames]
+    seen = seen[np.isfinite(seen).all(axis=(1, 2))].reshape(-1, 2 * frames)
+    near = 0
+    if len(seen):
+        closest = seen[nearest(seen, places)[1][:, 0]]
+        gaps = np.linalg.norm((places - closest).reshape(-1, frames, 2), axis=-1)
+        near = int((gaps <= radius).all(axis=1).sum())
+    return f"{near} of {_count(len(places), 'labelled point')} lie within {radius:g} px of a track"
+
+
+def _count(number: int, noun: str) -> str:
+    return f"{number} {noun}{'s' * (number != 1)}"
 
 
 def check_labels(paths: Sequence[str]) -> None:

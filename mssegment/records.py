@@ -33,6 +33,8 @@ IGNORED = -3
 
 replace = msgspec.structs.replace
 """``replace(record, field=value)``: a copy of a record with some fields changed."""
+field = msgspec.field
+"""``field(default_factory=dict)``: a field of a record whose default is made anew each time."""
 
 
 class Record(msgspec.Struct, frozen=True):

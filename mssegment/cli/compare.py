@@ -17,7 +17,7 @@ from mssegment.configuration import Setting, resolve
 from mssegment.documents import SegmentationDocument, read_document, write_bytes
 from mssegment.errors import UsageError
 
-KEYS = ("report.labels", "report.label_radius")
+KEYS = ("report.labels", "report.label_radius", "report.background_label")
 
 
 @click.command(

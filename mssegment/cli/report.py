@@ -25,6 +25,7 @@ from mssegment.errors import UsageError
 KEYS = (
     "report.labels",
     "report.label_radius",
+    "report.background_label",
     "report.pictures",
     "report.picture_format",
     "report.masks",
@@ -73,6 +74,7 @@ def command(
         results = Results.of(segmentation, configuration)
         if out is not None:
             with console.working("report"):
+                results = results.with_masks()
                 written = results.write(out)
             console.note(f"wrote {', '.join(written)} to {out}")
     if show:

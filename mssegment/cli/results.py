@@ -10,15 +10,18 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import msgspec
+import numpy as np
+import numpy.typing as npt
 
 from mssegment.configuration import Configuration
 from mssegment.documents import SegmentationDocument, write_bytes
 from mssegment.errors import DataError, UsageError
 from mssegment.pipeline import straight
-from mssegment.records import Record
+from mssegment.records import Record, field, replace
 from mssegment.rendering.report import Picture, Report, build_report, report_bytes
 
 if TYPE_CHECKING:
+    from mssegment.ground_truth import Truth
     from mssegment.imaging.frames import FrameSource
 
 
@@ -66,6 +69,9 @@ class Results(Record, frozen=True):
 
     report: Report
     configuration: Configuration
+    truth: Truth | None = None
+    masks: dict[str, bytes] = field(default_factory=dict)
+    """Files of masks by their path below the folder of the results."""
 
     @classmethod
     def of(
@@ -97,9 +103,9 @@ class Results(Record, frozen=True):
         settings = configuration.report
         truth = None
         if settings.labels:
-            from mssegment.ground_truth import true_labels
+            from mssegment.ground_truth import read_truth
 
-            truth = true_labels(
+            truth = read_truth(
                 settings.labels, document.tracks, document.frames, settings.label_radius
             )
         report = build_report(
@@ -108,12 +114,40 @@ class Results(Record, frozen=True):
             sets=document.sets,
             segmentation=document.segmentation,
             pictures=_Pictures(document, source),
-            truth=truth,
+            truth=None if truth is None else truth.labels,
+            background_label=settings.background_label,
+            evaluation_notes=() if truth is None else (truth.note,),
             straight=straight(document.tracks.points, document.camera),
             history=[msgspec.structs.asdict(entry) for entry in document.history],
             configuration=msgspec.to_builtins(configuration),
         )
-        return cls(report, configuration)
+        return cls(report, configuration, truth)
+
+    def with_masks(self) -> Results:
+        """The results with masks, compared with the true ones where there are any.
+
+        Without masks if they are not asked for. Raises DataError without the pictures.
+        """
+        if not self.configuration.report.masks:
+            return self
+        from mssegment.export import mask_files, masks_of
+        from mssegment.masks.quality import mask_quality
+
+        true_masks = {} if self.truth is None else self.truth.masks
+        # where the true masks have the static world as an object
+        camera = self.report.camera_motion
+        world = camera if camera and self.report.true_motion(camera) else 0
+        kept: dict[int, npt.NDArray[np.uint8]] = {}
+
+        def passing() -> Iterator[npt.NDArray[np.uint8]]:
+            for index, mask in enumerate(masks_of(self.report)):
+                if index in true_masks:
+                    kept[index] = np.where(mask == 0, world, mask) if world else mask
+                yield mask
+
+        files = dict(mask_files(self.report, self.configuration.report.mask_style, passing()))
+        quality = mask_quality(kept, true_masks) if kept else ()
+        return replace(self, masks=files, report=replace(self.report, mask_quality=quality))
 
     def write(self, out: str) -> list[str]:
         """Write report.json and the selected files into the folder ``out``; their names."""
@@ -132,10 +166,7 @@ class Results(Record, frozen=True):
             from mssegment.export import export
 
             written |= export(self.report, settings.export)
-        if settings.masks:
-            from mssegment.export import mask_files
-
-            written |= dict(mask_files(self.report, settings.mask_style))
+        written |= self.masks
         if settings.html:
             from mssegment.rendering.page import render_page
 

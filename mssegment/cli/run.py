@@ -121,6 +121,7 @@ def command(
             progress("report")
             with result.timings.stage("report"):
                 results = Results.of(result.segmentation, configuration, result.source)
+                results = results.with_masks()
                 names = _write(result, results, out)
         _finish(result.timings, names, out, console)
     if profile:

@@ -263,6 +263,14 @@ class ReportSettings(Section, frozen=True):
         float,
         Meta(gt=0, description="Maximum distance from a labelled point to its track, in pixels."),
     ] = 3.0
+    background_label: Annotated[
+        Literal["auto", "none", "motion"],
+        Meta(
+            description="What the true label 0 is; none: outliers; motion: the static world, "
+            "matched like an object; auto: the static world, where most tracks with label 0 were "
+            "found to be the background or the camera's motion, otherwise outliers."
+        ),
+    ] = "auto"
     pictures: Annotated[bool, Meta(description="Write annotated pictures.")] = True
     picture_format: Annotated[
         Literal["png", "jpg", "svg"], Meta(description="File format of the pictures.")

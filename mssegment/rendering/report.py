@@ -7,13 +7,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import msgspec
 import numpy as np
 import numpy.typing as npt
 
-from mssegment.evaluation import Evaluation, evaluate, residual_errors
+from mssegment.evaluation import Evaluation, evaluate, find_world, residual_errors
 from mssegment.records import (
     BACKGROUND,
     NOT_JUDGED,
@@ -30,6 +30,10 @@ from mssegment.records import (
 )
 from mssegment.rendering.style import LabelStyle, camera_style, label_style
 
+if TYPE_CHECKING:
+    from mssegment.masks.quality import MaskQuality
+
+BackgroundRule = Literal["auto", "none", "motion"]
 Picture = npt.NDArray[np.uint8]
 """A picture [height, width, 3] in BGR order."""
 PictureOf = Callable[[int], Picture | None]
@@ -72,6 +76,10 @@ class Report(Record, frozen=True, eq=False):
         All settings.
     trajectories : tuple of tuple of float array [steps, ...]
         Mean shift trajectories on the manifold of each hypothesis set.
+    evaluation_notes : tuple of str
+        What the comparison with the true labels is based on.
+    mask_quality : tuple of MaskQuality
+        J and F of the masks of each true object, where both were made.
     """
 
     frames: tuple[Frame, ...]
@@ -86,6 +94,8 @@ class Report(Record, frozen=True, eq=False):
     history: tuple[Mapping[str, Any], ...] = ()
     configuration: Mapping[str, Any] = {}
     trajectories: tuple[tuple[Floats, ...], ...] = ()
+    evaluation_notes: tuple[str, ...] = ()
+    mask_quality: tuple[MaskQuality, ...] = ()
 
     @property
     def labels(self) -> Integers:
@@ -101,7 +111,7 @@ class Report(Record, frozen=True, eq=False):
     def notes(self) -> tuple[str, ...]:
         """The notes of all stages in their order, each once."""
         said = [str(note) for stage in self.history for note in stage.get("notes", ())]
-        return tuple(dict.fromkeys([*said, *self.segmentation.notes]))
+        return tuple(dict.fromkeys([*said, *self.segmentation.notes, *self.evaluation_notes]))
 
     @property
     def camera_motion(self) -> int | None:
@@ -135,7 +145,9 @@ class Report(Record, frozen=True, eq=False):
 
     def true_motion(self, label: int) -> int | None:
         """The true motion that is matched with a motion, None without one."""
-        return None if self.evaluation is None else self.evaluation.matching.get(label)
+        if self.evaluation is None:
+            return None
+        return 0 if label == self.evaluation.world else self.evaluation.matching.get(label)
 
 
 def build_report(
@@ -150,13 +162,18 @@ def build_report(
     history: Sequence[Mapping[str, Any]] = (),
     configuration: Mapping[str, Any] | None = None,
     trajectories: Sequence[Sequence[Floats]] = (),
+    background_label: BackgroundRule = "auto",
+    evaluation_notes: Sequence[str] = (),
+    mask_quality: Sequence[MaskQuality] = (),
 ) -> Report:
     """Gather a report.
 
     Parameters
     ----------
     frames, tracks, sets, segmentation, pictures, history, configuration, trajectories
-        As in ``Report``.
+        As in ``Report``; so are ``evaluation_notes`` and ``mask_quality``.
+    background_label : {"auto", "none", "motion"}
+        What the true label 0 is (``evaluation.find_world``).
     truth : int array [P], optional
         True labels; by default those of ``tracks``.
     straight : float array [P, F, 2], optional
@@ -176,7 +193,10 @@ def build_report(
     undistorted = tracks.points if straight is None else straight
     evaluation = res = res_hat = None
     if truth is not None:
-        evaluation = evaluate(segmentation.labels, truth)
+        found = segmentation.labels
+        world = find_world(found, truth, segmentation.camera_motion, background_label)
+        evaluation = evaluate(found, truth, world)
+        evaluation_notes = [*evaluation_notes, *_world_notes(segmentation, truth, world)]
         errors = [
             _residual_errors(
                 motion, sets, undistorted, truth, evaluation.matching.get(motion.label)
@@ -198,6 +218,27 @@ def build_report(
         history=tuple(history),
         configuration=dict(configuration or {}),
         trajectories=tuple(tuple(paths) for paths in trajectories),
+        evaluation_notes=tuple(evaluation_notes),
+        mask_quality=tuple(mask_quality),
+    )
+
+
+def _world_notes(
+    segmentation: ClusterResult, truth: Integers, world: int | None
+) -> tuple[str, ...]:
+    """What the true label 0 was taken for, where that is not obvious."""
+    own = segmentation.labels[truth == OUTLIER]
+    if world == BACKGROUND:
+        return ("label 0 is the static world: the background is right there",)
+    if world is not None:
+        name = "the camera's motion" if world == segmentation.camera_motion else "the motion"
+        return (f"label 0 is the static world: {name} ({world}) is right there",)
+    labels, counts = np.unique(own[own > 0], return_counts=True)
+    if not len(labels) or 2 * counts.max() <= len(own):
+        return ()
+    return (
+        f"label 0 counts as outlier, but most of its tracks are in motion {labels[counts.argmax()]}"
+        "; if 0 is the static world, set report.background_label to motion",
     )
 
 
@@ -264,6 +305,9 @@ def report_json(report: Report) -> dict[str, Any]:
         "res": None if report.res is None else [_number(value) for value in report.res],
         "res_hat": None if report.res_hat is None else [_number(v) for v in report.res_hat],
         "counted": evaluation and evaluation.counted,
+        "adjusted_rand": evaluation and _number(evaluation.adjusted_rand),
+        "world": evaluation and evaluation.world,
+        "objects": evaluation and _objects_json(report, evaluation),
         "true_motions": evaluation and list(evaluation.true_motions),
         "found_motions": evaluation and list(evaluation.found_motions),
         "camera_motion": report.camera_motion,
@@ -288,6 +332,22 @@ def report_json(report: Report) -> dict[str, Any]:
 def report_bytes(report: Report) -> bytes:
     """``report_json`` as indented JSON that ends with a newline."""
     return msgspec.json.format(msgspec.json.encode(report_json(report)), indent=1) + b"\n"
+
+
+def _objects_json(report: Report, evaluation: Evaluation) -> list[dict[str, Any]]:
+    """The true objects of ``report_json``: how well tracks and masks agree with them."""
+    back = {true: found for found, true in evaluation.matching.items()}
+    masks = {quality.true: quality for quality in report.mask_quality}
+    return [
+        {
+            "true": true,
+            "motion": back.get(true),
+            "iou": _number(evaluation.iou.get(true)),
+            "J": _number(masks[true].region) if true in masks else None,
+            "F": _number(masks[true].contour) if true in masks else None,
+        }
+        for true in sorted({*evaluation.true_motions, *masks})
+    ]
 
 
 def _motion_json(report: Report, motion: Motion) -> dict[str, Any]:

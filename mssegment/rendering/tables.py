@@ -98,6 +98,7 @@ def confusion_table(report: Report) -> Table | None:
     order = {motion.label: i for i, motion in enumerate(report.motions)}
     back = {true: found for found, true in evaluation.matching.items()}
     header = ["", *(f"found {f}" for f in evaluation.found_motions), "outlier", "res", "res-hat"]
+    zero = "outlier" if evaluation.world is None else "background 0"
     rows = []
     for i, true in enumerate(evaluation.true_motions):
         cells = [str(count) for count in evaluation.confusion[i]]
@@ -105,17 +106,39 @@ def confusion_table(report: Report) -> Table | None:
         errors = [] if found is None else [report.res[found], report.res_hat[found]]
         rows.append((f"true {true}", *cells, *([number(e, 4) for e in errors] or ["", ""])))
     last = [str(count) for count in evaluation.confusion[-1]]
-    rows.append(("outlier", *last, "", ""))
+    rows.append((zero, *last, "", ""))
     return Table("Confusion matrix", tuple(header), tuple(rows), rules=(len(rows) - 1,))
+
+
+def objects_table(report: Report) -> Table | None:
+    """How well each true object is found: IoU of its tracks, J and F of its masks.
+
+    None without true labels.
+    """
+    evaluation = report.evaluation
+    if evaluation is None:
+        return None
+    masks = {quality.true: quality for quality in report.mask_quality}
+    back = {true: found for found, true in evaluation.matching.items()}
+    header = ["", "motion", "IoU of tracks"] + (["J", "F"] if masks else [])
+    rows = []
+    for true in sorted({*evaluation.true_motions, *masks}):
+        row = [f"true {true}", str(back.get(true, "-")), fixed(evaluation.iou.get(true), 3)]
+        if masks:
+            own = masks.get(true)
+            row += [fixed(own.region, 3), fixed(own.contour, 3)] if own else ["-", "-"]
+        rows.append(tuple(row))
+    return Table("Objects", tuple(header), tuple(rows)) if rows else None
 
 
 def tables_of(report: Report, *, plain: bool = False) -> list[Table]:
     """The tables of a report; modes and confusion matrix only where there are any."""
-    modes, confusion = modes_table(report), confusion_table(report)
+    modes, confusion, objects = modes_table(report), confusion_table(report), objects_table(report)
     return [
         result_table(report, plain=plain),
         *([modes] if modes.rows else []),
         *([] if confusion is None else [confusion]),
+        *([] if objects is None else [objects]),
     ]
 
 
@@ -126,8 +149,12 @@ def summary(report: Report) -> str:
     text = f"{motions} in {len(report.labels)} tracks"
     if report.evaluation is None:
         return text
-    share = 100 * report.evaluation.misclassification
-    return f"{text}; {share:.2f} % of {report.evaluation.counted} evaluated tracks misclassified"
+    evaluation = report.evaluation
+    share = 100 * evaluation.misclassification
+    return (
+        f"{text}; {share:.2f} % of {evaluation.counted} evaluated tracks misclassified, adjusted "
+        f"Rand index {evaluation.adjusted_rand:.3f}"
+    )
 
 
 def format_report(report: Report, form: str = "text") -> str:

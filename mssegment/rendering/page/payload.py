@@ -10,8 +10,8 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from mssegment.evaluation import is_counted
-from mssegment.records import BACKGROUND, NOT_JUDGED, OUTLIER, Integers
+from mssegment.evaluation import is_correct, is_counted
+from mssegment.records import BACKGROUND, NOT_JUDGED, OUTLIER
 from mssegment.rendering.layout import typical_spacing
 from mssegment.rendering.report import Picture, Report
 from mssegment.rendering.scene import OUTLINES
@@ -83,18 +83,9 @@ def misclassified(report: Report) -> npt.NDArray[np.bool_]:
     """Which tracks are misclassified, [P]; none without true labels."""
     if report.truth is None or report.evaluation is None:
         return np.zeros(len(report.labels), dtype=bool)
-    found = matched_labels(report)
-    return np.asarray(is_counted(report.labels, report.truth) & (found != report.truth))
-
-
-def matched_labels(report: Report) -> Integers:
-    """Labels [P] in the numbering of the true ones; 1 000 000 + label without counterpart."""
-    matching = {} if report.evaluation is None else report.evaluation.matching
-    found = report.labels.copy()
-    for label in np.unique(report.labels[report.labels > 0]):
-        found[report.labels == label] = matching.get(int(label), 1_000_000 + int(label))
-    found[report.labels == BACKGROUND] = BACKGROUND
-    return found
+    matching, world = report.evaluation.matching, report.evaluation.world
+    counted = is_counted(report.labels, report.truth, world)
+    return np.asarray(counted & ~is_correct(report.labels, report.truth, matching, world))
 
 
 def inlier_limit(report: Report, label: int) -> float | None:

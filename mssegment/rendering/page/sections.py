@@ -18,7 +18,7 @@ from mssegment.rendering.page.payload import (
 )
 from mssegment.rendering.page.projection import Projection, project
 from mssegment.rendering.report import Report
-from mssegment.rendering.tables import density, fixed, number
+from mssegment.rendering.tables import density, fixed, number, objects_table
 
 MAX_MODES = 12
 """Modes that are listed, besides those of motions."""
@@ -213,7 +213,9 @@ def confusion_html(report: Report) -> str:
         total = max(1, int(counts.sum()))
         cells = []
         for j, count in enumerate(counts):
-            right = last and j == len(counts) - 1
+            right = last and (
+                j == len(counts) - 1 or evaluation.found_motions[j] == evaluation.world
+            )
             if true is not None and j < len(evaluation.found_motions):
                 right = evaluation.matching.get(evaluation.found_motions[j]) == true
             level = -(-4 * int(count) // total)
@@ -222,13 +224,24 @@ def confusion_html(report: Report) -> str:
         found = order.get(back.get(true, 0)) if true is not None else None
         errors = ("", "") if found is None else (report.res[found], report.res_hat[found])
         cells += [f"<td>{e if isinstance(e, str) else number(e, 4)}</td>" for e in errors]
-        name = "outlier" if true is None else f"true {true}"
+        zero = "outlier" if evaluation.world is None else "background 0"
+        name = zero if true is None else f"true {true}"
         rows.append(f'<tr><th scope="row">{name}</th>{"".join(cells)}</tr>')
     header = ["", *(f"found {f}" for f in evaluation.found_motions)]
     header += ["outlier", "res (23)", "res-hat (24)"]
     share = 100 * evaluation.misclassification
     text = f"{share:.2f} % of {evaluation.counted} evaluated tracks are misclassified."
-    return f"<p>{text}</p>" + _table("Confusion matrix", header, rows)
+    text += f" The adjusted Rand index is {evaluation.adjusted_rand:.3f}."
+    return f"<p>{text}</p>" + _table("Confusion matrix", header, rows) + _objects_html(report)
+
+
+def _objects_html(report: Report) -> str:
+    """How well each true object is found; nothing without one."""
+    table = objects_table(report)
+    if table is None:
+        return ""
+    rows = [_row(escape(row[0]), [escape(cell) for cell in row[1:]]) for row in table.rows]
+    return _table(table.title, list(table.header), rows)
 
 
 def tracks_html(report: Report) -> str:
