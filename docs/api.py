@@ -14,6 +14,7 @@ PACKAGE = ROOT / "mssegment"
 
 PUBLIC = (
     "api",
+    "result",
     "manifolds",
     "meanshift",
     "models",

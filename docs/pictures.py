@@ -5,9 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 
 from mssegment import pipeline
-from mssegment.cli.results import Results
 from mssegment.configuration import from_file, resolve
 from mssegment.rendering.pictures import render_pictures
+from mssegment.results import Results
 
 ROOT = Path(__file__).parents[1]
 MODELS = ("translation", "factorization", "affine")

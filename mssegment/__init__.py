@@ -23,11 +23,11 @@ if TYPE_CHECKING:
     from mssegment.errors import MssegmentError as MssegmentError
     from mssegment.errors import UsageError as UsageError
     from mssegment.meanshift import MeanShift as MeanShift
-    from mssegment.pipeline import Segmentation as Segmentation
     from mssegment.records import Camera as Camera
     from mssegment.records import Frame as Frame
     from mssegment.records import Mode as Mode
     from mssegment.records import Motion as Motion
+    from mssegment.result import Segmentation as Segmentation
 
 _MODULES = {
     "Camera": "records",
@@ -38,7 +38,7 @@ _MODULES = {
     "Mode": "records",
     "Motion": "records",
     "MssegmentError": "errors",
-    "Segmentation": "pipeline",
+    "Segmentation": "result",
     "UsageError": "errors",
     "segment_pictures": "api",
     "segment_tracks": "api",

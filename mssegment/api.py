@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -14,11 +14,16 @@ from mssegment.configuration import Configuration, Setting, from_mapping, resolv
 from mssegment.datasets.base import check_points, size_that_holds
 from mssegment.documents import TracksDocument
 from mssegment.errors import UsageError
-from mssegment.pipeline import Segmentation
-from mssegment.records import Camera, Frame, Tracks
+from mssegment.records import Camera, Floats, Frame, Tracks
+from mssegment.result import Segmentation
+
+if TYPE_CHECKING:
+    from mssegment.imaging.frames import FrameSource
 
 Picture = str | os.PathLike[str] | npt.NDArray[np.uint8] | npt.NDArray[np.uint16]
 """A file, a folder, a glob pattern, a video; or an array, see :func:`segment_pictures`."""
+Channels = Literal["rgb", "bgr"]
+"""The order of the channels of arrays: ``bgr`` is that of ``cv2.imread``."""
 Settings = Mapping[str, Any]
 """Values by dotted key, as in ``{"hypothesize.model": "homography", "segment.motions": 2}``."""
 
@@ -28,6 +33,7 @@ def segment_pictures(
     settings: Settings | None = None,
     *,
     camera: Camera | None = None,
+    channels: Channels = "rgb",
     threads: int = 1,
 ) -> Segmentation:
     """Find the motions between two images, or in the frames of a sequence.
@@ -36,9 +42,12 @@ def segment_pictures(
     ----------
     pictures
         Files, folders, glob patterns or videos; or arrays of one size, uint8 or uint16,
-        [height, width] or, red first, [height, width, 3].
+        [height, width] or [height, width, 3].
     settings
         Values by key, as in ``config.yaml``; environment variables are ignored.
+    channels
+        The order of the channels of arrays: ``"rgb"`` (Pillow, imageio, matplotlib) or ``"bgr"``
+        (OpenCV). It matters for the colours of pictures and masks, hardly for the motions.
     camera
         The calibration, for models that need one.
     threads
@@ -69,21 +78,14 @@ def segment_pictures(
     (0, {-1})
     """
     given = _listed(pictures)
-    arrays = [picture for picture in given if isinstance(picture, np.ndarray)]
-    if not arrays:
-        names = [os.fspath(p) for p in given if not isinstance(p, np.ndarray)]
-        images = [Setting("input.images", names, "pictures")]
-        return pipeline.run(_configuration(settings, camera, images), threads=threads)
-    if len(arrays) < len(given):
-        raise UsageError("pictures: found files and arrays; expected one kind")
-    if len(arrays) < 2:
-        raise UsageError(f"pictures: found {len(arrays)} image; expected two or more")
-    from mssegment.imaging.frames import frames_in_memory
-
-    frames = [_frame(index, array) for index, array in enumerate(arrays)]
-    pixels = [a if a.ndim == 2 else np.ascontiguousarray(a[..., ::-1]) for a in arrays]
-    source = frames_in_memory(frames, pixels)
-    return pipeline.run(_configuration(settings, camera), source=source, threads=threads)
+    if any(isinstance(picture, np.ndarray) for picture in given):
+        configuration = _configuration(settings, camera)
+        source = _source_of(given, channels)
+        return _found(configuration, pipeline.run(configuration, source=source, threads=threads))
+    names = [os.fspath(p) for p in given if not isinstance(p, np.ndarray)]
+    images = [Setting("input.images", names, "pictures")]
+    configuration = _configuration(settings, camera, images)
+    return _found(configuration, pipeline.run(configuration, threads=threads))
 
 
 def segment_tracks(
@@ -92,6 +94,9 @@ def segment_tracks(
     *,
     frame_size: tuple[int, int] | None = None,
     camera: Camera | None = None,
+    ids: Sequence[object] | None = None,
+    pictures: Picture | Sequence[Picture] | None = None,
+    channels: Channels = "rgb",
     threads: int = 1,
 ) -> Segmentation:
     """Find the motions of tracks from a tracker of your own.
@@ -99,11 +104,16 @@ def segment_tracks(
     Parameters
     ----------
     points
-        [P, F, 2] in pixels, NaN where a track is not visible.
-    settings, camera, threads
+        [P, F, 2] in pixels: P tracks in F frames, NaN or masked where a track is not visible.
+    settings, camera, channels, threads
         As for :func:`segment_pictures`.
     frame_size
         Width and height of the frames in pixels; by default the smallest that hold all points.
+    ids
+        Your own names of the P tracks, for tables.
+    pictures
+        The frames that the tracks are from, as for :func:`segment_pictures`, to draw on and for
+        masks; the motions do not depend on them.
 
     Returns
     -------
@@ -129,14 +139,78 @@ def segment_tracks(
     >>> [len(motion.inliers) for motion in found.motions]
     [40, 40]
     """
-    places = np.asarray(points, dtype=np.float64)
-    if places.ndim != 3 or places.shape[2] != 2:
-        raise UsageError(f"points: shape is {places.shape}; expected [tracks, frames, 2]")
-    check_points(places, "points")
-    width, height = frame_size or size_that_holds(places)
+    places = _places(points)
+    names = None if ids is None else tuple(str(name) for name in ids)
+    if names is not None and len(names) != len(places):
+        raise UsageError(f"ids: found {len(names)} for {len(places)} tracks; expected one for each")
+    width, height = (int(side) for side in frame_size or size_that_holds(places))
+    if width < 1 or height < 1:
+        raise UsageError(f"frame_size: found {width}x{height}; expected width and height in pixels")
     frames = [Frame("", width, height, index=index) for index in range(places.shape[1])]
-    tracks = TracksDocument(frames=frames, tracks=Tracks(places))
-    return pipeline.run(_configuration(settings, camera), tracks, threads=threads)
+    tracks = TracksDocument(frames=frames, tracks=Tracks(places, ids=names))
+    source = None
+    if pictures is not None:
+        source = _source_of(_listed(pictures), channels)
+        if len(source.frames) != len(frames):
+            raise UsageError(
+                f"pictures: found {len(source.frames)} for {len(frames)} frames of the tracks; "
+                "expected one for each"
+            )
+        tracks = pipeline.put_on_pictures(tracks, source)
+    configuration = _configuration(settings, camera)
+    return _found(configuration, pipeline.run(configuration, tracks, source, threads=threads))
+
+
+def _found(configuration: Configuration, outcome: pipeline.Outcome) -> Segmentation:
+    fields = {name: getattr(outcome, name) for name in pipeline.Outcome.__struct_fields__}
+    return Segmentation(**fields, configuration=configuration)
+
+
+def _places(points: npt.ArrayLike) -> Floats:
+    """Tracks [P, F, 2] as numbers, masked positions as NaN; raises UsageError for another shape."""
+    try:
+        places = np.ma.asarray(points, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise UsageError(
+            "points: not an array of numbers; expected [tracks, frames, 2], NaN where a track is "
+            "not visible"
+        ) from None
+    shape = places.shape
+    if len(shape) != 3 or shape[2] != 2:
+        raise UsageError(f"points: shape is {shape}; expected [tracks, frames, 2]{_hint(shape)}")
+    hidden = np.ma.getmaskarray(places).any(axis=2)
+    filled = np.where(hidden[..., None], np.nan, np.ma.getdata(places))
+    if _frames_come_first(filled):
+        raise UsageError(
+            f"points: shape is {shape}, which would be {shape[0]} tracks over {shape[1]} frames, "
+            "but neighbours along the first axis are nearer: expected [tracks, frames, 2]; pass "
+            "numpy.swapaxes(points, 0, 1)"
+        )
+    check_points(filled, "points")
+    return filled
+
+
+def _hint(shape: tuple[int, ...]) -> str:
+    """What an array of another shape may be."""
+    if len(shape) == 3 and 2 in shape[:2]:
+        axis = shape.index(2)
+        return f"; if axis {axis} is x and y, pass numpy.moveaxis(points, {axis}, 2)"
+    if len(shape) == 2 and shape[1] == 4:
+        return "; matches x1, y1, x2, y2 are points.reshape(-1, 2, 2)"
+    return ""
+
+
+def _frames_come_first(places: Floats) -> bool:
+    """Whether tracks [P, F, 2] are probably [F, P, 2].
+
+    There are fewer "tracks" than "frames", and neighbours along the first axis are nearer to each
+    other than along the second: a point moves less than points lie apart.
+    """
+    if not 1 < len(places) < places.shape[1]:
+        return False
+    steps = [np.linalg.norm(np.diff(places, axis=axis), axis=-1) for axis in (0, 1)]
+    seen = [np.ravel(step)[np.isfinite(np.ravel(step))] for step in steps]
+    return all(len(step) for step in seen) and bool(np.median(seen[0]) < np.median(seen[1]))
 
 
 def _configuration(
@@ -147,6 +221,25 @@ def _configuration(
         for name in ("fx", "fy", "cx", "cy", "distortion", "distortion_model"):
             given.append(Setting(f"camera.{name}", getattr(camera, name), "camera"))
     return resolve([*given, *more])
+
+
+def _source_of(given: Sequence[Picture], channels: Channels) -> FrameSource:
+    """The frames of files, or of arrays; raises UsageError for both, or for what is no picture."""
+    from mssegment.imaging.frames import frames_in_memory, open_frames
+
+    if channels not in ("rgb", "bgr"):
+        raise UsageError(f"channels: found {channels!r}; expected 'rgb' or 'bgr'")
+    arrays = [picture for picture in given if isinstance(picture, np.ndarray)]
+    if not arrays:
+        return open_frames([os.fspath(p) for p in given if not isinstance(p, np.ndarray)])
+    if len(arrays) < len(given):
+        raise UsageError("pictures: found files and arrays; expected one kind")
+    if len(arrays) < 2:
+        raise UsageError(f"pictures: found {len(arrays)} image; expected two or more")
+    frames = [_frame(index, array) for index, array in enumerate(arrays)]
+    step = -1 if channels == "rgb" else 1
+    pixels = [a if a.ndim == 2 else np.ascontiguousarray(a[..., ::step]) for a in arrays]
+    return frames_in_memory(frames, pixels)
 
 
 def _listed(pictures: Picture | Sequence[Picture]) -> list[Picture]:

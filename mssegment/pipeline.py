@@ -329,7 +329,7 @@ def camera_for(
     if not any(camera.distortion) and not any(MODELS[name].needs_camera for name in names):
         own = " and ".join(dict.fromkeys(names))
         needing = " or ".join(name for name, model in MODELS.items() if model.needs_camera)
-        notes += (f"the camera is not used: {own} needs none; --model {needing} does",)
+        notes += (f"the camera is not used: {own} needs none; model {needing} does",)
     return camera, notes
 
 
@@ -397,7 +397,7 @@ def _segmentation(
     )
 
 
-class Segmentation(Record, frozen=True):
+class Outcome(Record, frozen=True):
     """The outcome of a whole run: labels and motions, and the documents of all stages.
 
     Attributes
@@ -443,7 +443,7 @@ def run(
     on_stage: Callable[[str, Document | None, Timings], None] = lambda name, document, timings: (
         None
     ),
-) -> Segmentation:
+) -> Outcome:
     """Run all stages in memory.
 
     Parameters
@@ -461,7 +461,7 @@ def run(
 
     Returns
     -------
-    Segmentation
+    Outcome
 
     Raises
     ------
@@ -492,7 +492,7 @@ def run(
     given = tracks
     hypotheses = timed("hypothesize", lambda: hypothesize(given, configuration))
     segmentation = timed("cluster", lambda: cluster(hypotheses, configuration, threads))
-    return Segmentation(source, corners, tracks, hypotheses, segmentation, timings)
+    return Outcome(source, corners, tracks, hypotheses, segmentation, timings)
 
 
 def straight(points: Floats, camera: Camera | None) -> Floats:

@@ -24,6 +24,8 @@ LAYERS = [
     {"segmentation", "rendering", "labelling", "masks", "export", "ground_truth", "history"},
     {"stage_checks"},
     {"pipeline"},
+    {"results"},
+    {"result"},
     {"benchmarking", "api"},
     {"cli"},
 ]

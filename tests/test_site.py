@@ -24,11 +24,11 @@ from docs.registries import manifolds_page, models_page
 from docs.settings import settings_page
 from mssegment import manifolds, models, records
 from mssegment.cli import cli
-from mssegment.cli.results import Results
 from mssegment.configuration import KEYS, resolve
 from mssegment.documents import DOCUMENTS
 from mssegment.errors import ExitStatus
 from mssegment.rendering.report import report_json
+from mssegment.results import Results
 
 ROOT = Path(__file__).parents[1]
 PAGES = ["README.md", "CONTRIBUTING.md"]

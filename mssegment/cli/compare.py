@@ -45,8 +45,8 @@ def command(
     """
     if len(segmentations) < 2:
         raise UsageError(f"found {len(segmentations)} segmentation documents; expected two or more")
-    from mssegment.cli.results import Results
     from mssegment.rendering.compare import comparison_picture, format_comparison
+    from mssegment.results import Results
 
     configuration = resolve(settings)
     reports = [

@@ -67,10 +67,11 @@ def command(
     if out is None:
         _refuse_without_folder(configuration)
     segmentation = read_argument(document, SegmentationDocument)
-    from mssegment.cli.results import Results, claimed_folder
+    from mssegment.cli import results as console_results
     from mssegment.rendering.tables import format_report
+    from mssegment.results import Results
 
-    with nullcontext() if out is None else claimed_folder(out, force):
+    with nullcontext() if out is None else console_results.claimed_folder(out, force):
         results = Results.of(segmentation, configuration)
         if out is not None:
             with console.working("report"):
@@ -78,7 +79,7 @@ def command(
                 written = results.write(out)
             console.note(f"wrote {', '.join(written)} to {out}")
     if show:
-        results.show()
+        console_results.show(results.report)
     put(format_report(results.report, chosen_format(form, console)))
 
 

@@ -32,8 +32,8 @@ from mssegment.errors import ConfigurationError, UsageError
 
 if TYPE_CHECKING:
     from mssegment import pipeline
-    from mssegment.cli.results import Results
     from mssegment.resources import Timings
+    from mssegment.results import Results
 
 KEYS = (
     "hypothesize.model",
@@ -101,7 +101,8 @@ def command(
         from mssegment.ground_truth import check_labels
 
         check_labels(configuration.report.labels)
-    from mssegment.cli.results import Results, claimed_folder
+    from mssegment.cli.results import claimed_folder
+    from mssegment.results import Results
 
     with claimed_folder(out, force):
         from mssegment import pipeline
@@ -220,7 +221,7 @@ def _names_a_schema(path: str) -> bool:
     return b'"mssegment/' in content[:200] or b'"schema"' in content
 
 
-def _write(result: pipeline.Segmentation, results: Results, out: str) -> list[str]:
+def _write(result: pipeline.Outcome, results: Results, out: str) -> list[str]:
     """Write the documents and the results; the names of the result files."""
     from mssegment.documents import write_document
 

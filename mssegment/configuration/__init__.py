@@ -189,7 +189,16 @@ def from_mapping(values: Mapping[str, Any], origin: str) -> list[Setting]:
     """
     for key in values:
         check_key(key, origin)
-    return [Setting(key, value, origin) for key, value in values.items()]
+    return [Setting(key, _plain(value), origin) for key, value in values.items()]
+
+
+def _plain(value: Any) -> Any:
+    """Numbers and arrays of numpy, and paths, as Python's own."""
+    if type(value).__module__ == "numpy" and hasattr(value, "tolist"):
+        return value.tolist()
+    if isinstance(value, list | tuple):
+        return [_plain(one) for one in value]
+    return os.fspath(value) if isinstance(value, os.PathLike) else value
 
 
 def camera_of(settings: CameraSettings) -> Camera | None:

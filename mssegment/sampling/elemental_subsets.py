@@ -159,7 +159,10 @@ def _check_arguments(
             raise UsageError(f"model: {name!r} is unknown; choose one of {known}")
         model = motion_models.MODELS[name]
         if model.needs_camera and camera is None:
-            raise DataError(f"model {name} needs a calibrated camera: give --camera fx,fy,cx,cy")
+            raise DataError(
+                f"model {name} needs a calibrated camera: give camera.fx, camera.fy, camera.cx "
+                "and camera.cy (--camera fx,fy,cx,cy, or in Python camera=Camera(fx, fy, cx, cy))"
+            )
         if not model.accepts(frames):
             expected = (
                 f"{model.max_frames}"

@@ -72,7 +72,7 @@ def check_options(options: SegmentOptions, strategy: Strategy) -> None:
         if strategy in users or value == default:
             continue
         key, error = (
-            ("--threads", UsageError)
+            ("threads", UsageError)
             if name == "threads"
             else (f"segment.{name}", ConfigurationError)
         )
