@@ -178,8 +178,8 @@ def _places(points: npt.ArrayLike) -> Floats:
     shape = places.shape
     if len(shape) != 3 or shape[2] != 2:
         raise UsageError(f"points: shape is {shape}; expected [tracks, frames, 2]{_hint(shape)}")
-    hidden = np.ma.getmaskarray(places).any(axis=2)
-    filled = np.where(hidden[..., None], np.nan, np.ma.getdata(places))
+    hidden = np.ma.getmaskarray(places).any(axis=2, keepdims=True)
+    filled = np.where(hidden, np.nan, np.ma.getdata(places))
     if _frames_come_first(filled):
         raise UsageError(
             f"points: shape is {shape}, which would be {shape[0]} tracks over {shape[1]} frames, "
