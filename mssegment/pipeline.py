@@ -122,7 +122,9 @@ def detect(configuration: Configuration, source: FrameSource) -> CornersDocument
         quality=QUALITY if settings.quality == "auto" else settings.quality,
     )
     return CornersDocument(
-        frames=list(source.frames), corners=corners, history=[entry_of("detect", configuration)]
+        frames=list(source.frames),
+        corners=corners,
+        history=[entry_of("detect", configuration, source.notes)],
     )
 
 

@@ -92,6 +92,15 @@ def test_transparent_parts_are_white(tmp_path: Path) -> None:
     assert (grey[:, 15:] == 0).all()
 
 
+def test_a_picture_without_any_opacity_shows_its_colours(tmp_path: Path) -> None:
+    picture = np.zeros((20, 30, 4), np.uint8)
+    picture[:, 15:, :3] = 90
+    path = save(tmp_path / "alpha.png", picture)
+    source = open_frames([path, path])
+    assert (source.grey(0)[:, 15:] == 90).all()
+    assert "transparent everywhere" in source.notes[0]
+
+
 @pytest.mark.parametrize("bits", [10, 12, 16])
 def test_sixteen_bits_use_the_whole_range_and_keep_fractions(tmp_path: Path, bits: int) -> None:
     top = 2**bits - 1
@@ -186,8 +195,9 @@ def test_pictures_cut_short_are_named(tmp_path: Path, suffix: str, share: float)
 
 def test_sizes_that_differ_are_both_named(tmp_path: Path, pair: list[str]) -> None:
     other = save(tmp_path / "other.png", texture(50, 70))
+    assert [frame.width for frame in open_frames([pair[0], other]).frames] == [80, 70], "two views"
     with pytest.raises(DataError) as failure:
-        open_frames([pair[0], other])
+        open_frames([*pair, other])
     one_line(failure, pair[0], "80x60", other, "70x50")
 
 
@@ -208,11 +218,21 @@ def test_ranges_that_hold_nothing(video: str, pair: list[str]) -> None:
         open_frames([])
 
 
-def test_floating_point_pictures_are_refused(tmp_path: Path) -> None:
-    path = save(tmp_path / "deep.tiff", texture().astype(np.float32))
+@pytest.mark.parametrize(("scale", "low"), [(1.0, 0.0), (4000.0, 0.0), (0.5, 0.0), (2.0, -1.0)])
+def test_numbers_with_a_fraction_keep_their_contrast(
+    tmp_path: Path, scale: float, low: float
+) -> None:
+    grey = texture()
+    values = (grey / np.float32(255) * scale + low).astype(np.float32)
+    path = save(tmp_path / "deep.tiff", values)
+    found = open_frames([path, path]).grey(0)
+    expected = grey * (scale if scale < 1 else 1.0)
+    assert np.abs(found - expected).max() < 0.1
+    values[3, 4] = np.nan
+    save(tmp_path / "deep.tiff", values)
     with pytest.raises(DataError) as failure:
         open_frames([path, path])
-    one_line(failure, path, "float32")
+    one_line(failure, path, "NaN or infinite")
 
 
 def test_the_decoders_do_not_chatter(

@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import functools
-import glob
 import hashlib
 import math
 import os
-import re
 from collections import OrderedDict
 from collections.abc import Sequence
 from pathlib import Path
@@ -19,8 +17,10 @@ import numpy as np
 from mssegment.errors import DataError, UsageError
 from mssegment.imaging import pictures
 from mssegment.imaging.pictures import GreyPicture, RgbPicture, StoredPicture
+from mssegment.imaging.sources import expand
+from mssegment.imaging.stacks import Stack, is_stack
 from mssegment.imaging.videos import Video
-from mssegment.records import Frame, Record
+from mssegment.records import Frame, Record, replace
 
 CACHE_BYTES = 256 * 2**20
 """Decoded pictures are kept up to this many bytes; others are decoded again."""
@@ -49,7 +49,7 @@ class _PictureCache:
 
 
 class FrameSource:
-    """A sequence of frames of one size, decoded on demand.
+    """A sequence of frames of one size, or two views, decoded on demand.
 
     ``grey(i)`` is the picture for corners and matchers, ``colour(i)`` the one to draw on.
 
@@ -59,11 +59,19 @@ class FrameSource:
         The records of the frames, as they go into a document.
     decoded : optional
         Pictures that are decoded already.
+    notes : tuple of str
+        What was assumed or left out, for the user.
     """
 
-    def __init__(self, frames: Sequence[Frame], decoded: _PictureCache | None = None) -> None:
+    def __init__(
+        self,
+        frames: Sequence[Frame],
+        decoded: _PictureCache | None = None,
+        notes: tuple[str, ...] = (),
+    ) -> None:
         self.frames = tuple(frames)
-        self._videos: dict[str, Video] = {}
+        self.notes = notes
+        self._moving: dict[str, Moving] = {}
         self._decoded = decoded if decoded is not None else _PictureCache()
         self._white: float | None = None
 
@@ -72,7 +80,7 @@ class FrameSource:
 
     @property
     def size(self) -> tuple[int, int]:
-        """Width and height of the frames, pixels."""
+        """Width and height of the first frame, pixels."""
         return self.frames[0].width, self.frames[0].height
 
     def grey(self, index: int) -> GreyPicture:
@@ -109,10 +117,10 @@ class FrameSource:
 
     def _decode(self, frame: Frame) -> StoredPicture:
         if frame.index is not None:
-            if frame.path not in self._videos:
+            if frame.path not in self._moving:
                 _check_sha256(frame, pictures.sha256(frame.path))
-                self._videos[frame.path] = Video(frame.path)
-            picture = self._videos[frame.path].read(frame.index)
+                self._moving[frame.path] = _moving(frame.path)
+            picture = self._moving[frame.path].read(frame.index)
         else:
             content = pictures.read_bytes(frame.path)
             _check_sha256(frame, hashlib.sha256(content).hexdigest())
@@ -185,15 +193,16 @@ def open_frames(
     *,
     at_least: int = 2,
 ) -> FrameSource:
-    """Open pictures, folders of pictures, globs and video files as one sequence of frames.
+    """Open pictures, folders of pictures, patterns and video files as one sequence of frames.
+
+    Animated pictures and stacks (GIF, WebP, PNG, TIFF) are videos.
 
     Every picture is decoded once here, so that a damaged one is reported before work starts.
 
     Parameters
     ----------
     inputs : sequence of str
-        Paths and patterns. Folders and globs give their pictures in natural order (frame-2 before
-        frame-10).
+        Paths and patterns, as in ``sources.expand``.
     start, stop, step : int, optional
         Select frames start, start + step, ... before stop, from 0: of the frame numbers of each
         video, and of the list of all pictures.
@@ -209,25 +218,27 @@ def open_frames(
     UsageError
         If there are no inputs, or ``start``, ``stop`` and ``step`` are no range.
     DataError
-        If a file is missing, empty, damaged or no picture, if sizes differ, or if fewer than
-        ``at_least`` frames are selected.
+        If a file is missing, empty, damaged or no picture, if the sizes of more than two frames
+        differ, or if fewer than ``at_least`` frames are selected.
     """
     chosen = _Range.checked(start, stop, step)
     if not inputs:
         raise UsageError("no pictures given; name picture files, a folder, a glob or a video")
-    paths = [path for given in inputs for path in _expand(given)]
-    are_videos = {path: not _is_picture(path) for path in dict.fromkeys(paths)}
-    stills = [path for path in paths if not are_videos[path]]
+    expanded = [expand(given) for given in inputs]
+    paths = [path for found, _ in expanded for path in found]
+    notes = [note for _, own in expanded for note in own]
+    are_moving = {path: is_moving(path) for path in dict.fromkeys(paths)}
+    stills = [path for path in paths if not are_moving[path]]
     wanted = set(range(len(stills))[chosen.start : chosen.stop : chosen.step])
     decoded = _PictureCache()
     frames: list[Frame] = []
     still = 0
     for path in paths:
-        if are_videos[path]:
-            frames.extend(_open_video(path, chosen, decoded))
+        if are_moving[path]:
+            frames.extend(_open_moving(path, chosen, decoded, notes))
         else:
             if still in wanted:
-                frames.append(_open_picture(path, decoded))
+                frames.append(_open_picture(path, decoded, notes))
             still += 1
     _check_sizes(frames)
     if len(frames) < at_least:
@@ -235,7 +246,7 @@ def open_frames(
             f"{', '.join(inputs)}: {len(frames)} frame{'s' * (len(frames) != 1)} ({chosen}), "
             f"expected at least {at_least}; add pictures or widen the range"
         )
-    return FrameSource(frames, decoded)
+    return FrameSource(frames, decoded, tuple(notes))
 
 
 def reopen_frames(frames: Sequence[Frame], folder: str | None = None) -> FrameSource:
@@ -263,7 +274,7 @@ def reopen_frames(frames: Sequence[Frame], folder: str | None = None) -> FrameSo
                 f"{frame.path}: no such file, but the document refers to it; "
                 "run in the folder where the document was made, or copy the pictures there"
             )
-        found.append(Frame(path, frame.width, frame.height, frame.sha256, frame.index))
+        found.append(replace(frame, path=path))
     return FrameSource(found)
 
 
@@ -279,52 +290,39 @@ def frames_in_memory(frames: Sequence[Frame], pixels: Sequence[StoredPicture]) -
     return FrameSource(frames, decoded)
 
 
-def _expand(given: str) -> list[str]:
-    """The files that one argument names."""
-    if os.path.isdir(given):
-        inside = [
-            os.path.join(given, name)
-            for name in os.listdir(given)
-            if Path(name).suffix.lower() in pictures.PICTURE_SUFFIXES and not name.startswith(".")
-        ]
-        if not inside:
-            raise DataError(
-                f"{given}: no pictures in this folder, expected PNG, JPEG, TIFF, BMP, ... files; "
-                "check the path"
-            )
-        return sorted(inside, key=_natural_key)
-    if not os.path.exists(given) and glob.has_magic(given):
-        matching = [path for path in glob.glob(given, recursive=True) if os.path.isfile(path)]
-        if not matching:
-            raise DataError(
-                f"{given}: no file matches this pattern; check it, and quote it in a shell"
-            )
-        return sorted(matching, key=_natural_key)
-    return [given]
+Moving = Video | Stack
 
 
-def _natural_key(path: str) -> list[tuple[int, int, str]]:
-    """Sort key that compares numbers inside names by value."""
-    parts = re.split(r"(\d+)", path)
-    return [(1, int(p), p) if p.isdecimal() else (0, 0, p) for p in parts]
+def _moving(path: str) -> Moving:
+    """The reader of a file with several frames: the frames of a video, or a stack of pictures."""
+    with Path(path).open("rb") as file:
+        head = file.read(512)
+    return Stack(path) if pictures.looks_like_picture(path, head) else Video(path)
 
 
-def _is_picture(path: str) -> bool:
-    """Whether to decode a file as a picture; any other is opened as a video."""
+def is_moving(path: str) -> bool:
+    """Whether a file has several frames: a video, an animation or a stack of pictures.
+
+    Raises DataError for a text file, which FFmpeg would decode as a video of characters.
+    """
     try:
         with Path(path).open("rb") as file:
             head = file.read(512)
+            is_picture = not head or pictures.looks_like_picture(path, head)
+            if is_picture:
+                return head.startswith(_MAY_BE_STACKS) and is_stack(head + file.read())
     except OSError:
-        return True  # reading it raises the error
-    if not head or pictures.looks_like_picture(path, head):
-        return True
-    if _is_text(head):  # FFmpeg would decode it as a video of characters
+        return False  # reading it raises the error
+    if _is_text(head):
         raise DataError(
             f"{path}: a text file, expected a picture (PNG, JPEG, TIFF, BMP, PGM, WebP) or a video "
             "(MP4, AVI, ...); check the path"
         )
     with pictures.quiet():
-        return bool(cv2.haveImageReader(path))
+        return not cv2.haveImageReader(path)
+
+
+_MAY_BE_STACKS = (b"\x89PNG", b"GIF8", b"II*\0", b"MM\0*", b"RIFF")
 
 
 def _is_text(head: bytes) -> bool:
@@ -332,28 +330,39 @@ def _is_text(head: bytes) -> bool:
     return all(32 <= byte < 127 or byte in b"\t\n\r\f" for byte in head)
 
 
-def _open_picture(path: str, decoded: _PictureCache) -> Frame:
+def _open_picture(path: str, decoded: _PictureCache, notes: list[str]) -> Frame:
     content = pictures.read_bytes(path)
     picture = pictures.decode(path, content)
+    if pictures.is_invisible(picture):
+        notes.append(f"{path}: transparent everywhere; its colours are used as if opaque")
     height, width = picture.shape[:2]
     frame = Frame(path, width, height, hashlib.sha256(content).hexdigest())
     decoded.keep(frame, picture)
     return frame
 
 
-def _open_video(path: str, chosen: _Range, decoded: _PictureCache) -> list[Frame]:
+def _open_moving(
+    path: str, chosen: _Range, decoded: _PictureCache, notes: list[str]
+) -> list[Frame]:
     digest = pictures.sha256(path)
     frames = []
-    for index, picture in Video(path).select(chosen.start, chosen.stop, chosen.step):
+    source = _moving(path)
+    for index, seconds, picture in source.select(chosen.start, chosen.stop, chosen.step):
         height, width = picture.shape[:2]
-        frames.append(Frame(path, width, height, digest, index))
+        # microseconds: what a container does not store exactly must not look exact
+        time = None if seconds is None else round(seconds, 6)
+        frames.append(Frame(path, width, height, digest, index, time))
         decoded.keep(frames[-1], picture)
+    notes.extend(source.notes)
     if not frames:
-        raise DataError(f"{path}: the video has no frame in the range ({chosen}); widen the range")
+        raise DataError(f"{path}: no frame in the range ({chosen}); widen the range")
     return frames
 
 
 def _check_sizes(frames: Sequence[Frame]) -> None:
+    """Raises DataError if sizes differ: within a sequence, or between the frames of one video."""
+    if len(frames) == 2 and frames[0].path != frames[1].path:
+        return  # two views may come from two cameras
     for frame in frames[1:]:
         if (frame.width, frame.height) != (frames[0].width, frames[0].height):
             raise DataError(

@@ -25,7 +25,7 @@ StoredPicture = npt.NDArray[np.generic]
 
 PICTURE_SUFFIXES = frozenset(
     {".bmp", ".dib", ".gif", ".jp2", ".jpe", ".jpeg", ".jpg", ".pbm", ".pgm", ".png", ".pnm"}
-    | {".ppm", ".tif", ".tiff", ".webp"}
+    | {".apng", ".ppm", ".tif", ".tiff", ".webp"}
 )
 """Files in a folder with one of these suffixes are taken as pictures."""
 
@@ -87,11 +87,13 @@ def sha256(path: str) -> str:
 def looks_like_picture(path: str, head: bytes) -> bool:
     """Whether the first bytes of a file, or else its suffix, are those of a picture."""
     signatures = (b"\x89PNG", b"\xff\xd8\xff", b"BM", b"II*\0", b"MM\0*", b"GIF8")
-    return head.startswith(signatures) or Path(path).suffix.lower() in PICTURE_SUFFIXES
+    is_webp = head[:4] == b"RIFF" and head[8:12] == b"WEBP"
+    suffix = Path(path).suffix.lower()
+    return head.startswith(signatures) or is_webp or suffix in PICTURE_SUFFIXES
 
 
 def decode(path: str, content: bytes) -> StoredPicture:
-    """Decode a picture, applying the orientation noted in a JPEG file.
+    """Decode a picture, applying the orientation that EXIF notes.
 
     Parameters
     ----------
@@ -108,7 +110,8 @@ def decode(path: str, content: bytes) -> StoredPicture:
     Raises
     ------
     DataError
-        If the content is no picture, is truncated, or has another depth than 8 or 16 bits.
+        If the content is no picture, is truncated, or has pixels of another kind than 8 bits, 16
+        bits or numbers with a fraction.
     """
     if not _has_end(content):
         raise DataError(f"{path}: the picture is cut short or damaged; copy or export it again")
@@ -120,17 +123,42 @@ def decode(path: str, content: bytes) -> StoredPicture:
     except cv2.error:
         picture = None
     if picture is None or picture.size == 0:
-        found = "cut short or damaged" if looks_like_picture(path, content[:8]) else "not a picture"
+        fault = "cut short or damaged" if looks_like_picture(path, content[:8]) else "not a picture"
         raise DataError(
-            f"{path}: {found}, expected a complete PNG, JPEG, TIFF, BMP, PGM or WebP file; "
+            f"{path}: {fault}, expected a complete PNG, JPEG, TIFF, BMP, PGM or WebP file; "
             "copy or export it again"
         )
-    if picture.dtype not in (np.uint8, np.uint16):
+    found = check_depth(np.asarray(picture), path)
+    if jpeg:
+        return found
+    from mssegment.imaging.orientation import orientation, upright
+
+    turned = orientation(content)
+    return found if turned == 1 else upright(found, turned)
+
+
+def check_depth(picture: StoredPicture, path: str) -> StoredPicture:
+    """The picture with 8 or 16 bits per channel.
+
+    Numbers with a fraction (scientific TIFF) are mapped from 0 and their largest value to 16 bits,
+    or from their smallest value if that is negative.
+
+    Raises DataError for pixels of another kind, or that are not finite.
+    """
+    if picture.dtype in (np.uint8, np.uint16):
+        return picture
+    if picture.dtype not in (np.float32, np.float64):
         raise DataError(
             f"{path}: {picture.dtype} pixels, expected 8 or 16 bits per channel; "
             "convert the picture"
         )
-    return np.asarray(picture)
+    values = np.asarray(picture, np.float32)
+    if not np.isfinite(values).all():
+        raise DataError(f"{path}: pixels that are NaN or infinite; convert the picture to 16 bits")
+    low = min(float(values.min()), 0.0)
+    high = 1.0 if low == 0 and values.max() <= 1 else float(values.max())
+    scaled = (values - low) * np.float32(65535 / max(high - low, 1e-12))
+    return np.asarray(np.rint(scaled), np.uint16)
 
 
 def _has_end(content: bytes) -> bool:
@@ -152,8 +180,19 @@ def white_level(picture: StoredPicture) -> float:
     return float(2 ** max(8, int(picture.max()).bit_length()) - 1)
 
 
+def is_invisible(picture: StoredPicture) -> bool:
+    """Whether a picture is transparent everywhere, so that viewers show nothing of it."""
+    return picture.ndim == 3 and picture.shape[2] == 4 and not picture[..., 3].any()
+
+
 def _opaque(picture: StoredPicture, white: float) -> npt.NDArray[np.float32]:
-    """Values 0 to 255, with transparent parts blended over white as viewers show them."""
+    """Values 0 to 255, with transparent parts blended over white as viewers show them.
+
+    A picture that is transparent everywhere is taken as opaque: renderers and cameras write such
+    channels without meaning.
+    """
+    if is_invisible(picture):
+        picture = picture[..., :3]
     values = np.asarray(picture, np.float32) * np.float32(255.0 / white)
     if values.ndim == 3 and values.shape[2] == 4:
         full = 255.0 if picture.dtype == np.uint8 else 65535.0

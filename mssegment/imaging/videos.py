@@ -1,15 +1,13 @@
-"""Numbered frames of a video file, read forwards: seeking is not exact in OpenCV."""
+"""Numbered frames of a video file, read forwards: seeking is not exact."""
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Iterator
 
-import cv2
-import numpy as np
-
 from mssegment.errors import DataError
-from mssegment.imaging.pictures import StoredPicture, quiet
+from mssegment.imaging.pictures import StoredPicture
+from mssegment.imaging.video_faults import fault_of
+from mssegment.imaging.video_readers import End, VideoFrame, has_pyav, read
 
 
 class Video:
@@ -23,72 +21,56 @@ class Video:
 
     def __init__(self, path: str) -> None:
         self.path = path
-        self._capture: cv2.VideoCapture | None = None
+        self._frames: Iterator[VideoFrame | End] = iter(())
         self._next = 0
+        self._opened = False
+        self.notes: tuple[str, ...] = ()
 
     def read(self, index: int) -> StoredPicture:
         """Frame ``index`` as uint8 [height, width, 3] in BGR order.
 
         Raises DataError if the file cannot be opened or has fewer frames.
         """
-        if self._capture is None or index < self._next:
-            self._open()
-        with quiet():
-            while self._next < index and self._grab():
-                pass
-            picture = self._retrieve() if self._next == index and self._grab() else None
-        if picture is None:
-            raise DataError(
-                f"{self.path}: frame {index} cannot be read, only {self._next} frames can be "
-                "decoded; choose frames within that range"
-            )
-        return picture
+        if not self._opened or index < self._next:
+            self.close()
+            self._frames = read(self.path, index, None, 1)
+            self._opened, self._next = True, index
+        for frame in self._frames:
+            if isinstance(frame, End):
+                self._next = frame.decoded
+                break
+            self._next = frame.index + 1
+            if frame.index == index:
+                return frame.picture
+        decoded = self._next
+        self._opened = False
+        raise DataError(
+            f"{self.path}: frame {index} cannot be read, only {decoded} frames can be "
+            "decoded; choose frames within that range"
+        )
 
     def select(
         self, start: int, stop: int | None, step: int
-    ) -> Iterator[tuple[int, StoredPicture]]:
-        """Yield number and picture of every ``step``-th frame from ``start`` to before ``stop``.
+    ) -> Iterator[tuple[int, float | None, StoredPicture]]:
+        """Yield number, seconds and picture of every ``step``-th frame from ``start`` on.
 
-        Frames are counted by decoding, since the frame count in a file is often wrong.
+        Frames are counted by decoding, since the count in a file is often wrong; ``notes`` says
+        where fewer frames could be decoded than the file announces.
         """
-        self._open()
-        for index in itertools.count():
-            if stop is not None and index >= stop:
-                return
-            wanted = index >= start and (index - start) % step == 0
-            with quiet():
-                if not self._grab():
-                    return
-                picture = self._retrieve() if wanted else None
-            if picture is not None:
-                yield index, picture
+        for frame in read(self.path, start, stop, step):
+            if isinstance(frame, VideoFrame):
+                yield frame.index, frame.seconds, frame.picture
+            elif not frame.decoded:
+                raise DataError(f"{self.path}: {fault_of(self.path, 'no frame', has_pyav())}")
+            elif frame.decoded < frame.announced - 1:
+                self.notes = (
+                    f"{self.path}: {frame.announced} frames are announced, but only "
+                    f"{frame.decoded} can be decoded: the file is cut short or damaged",
+                )
 
     def close(self) -> None:
-        """Close the file."""
-        if self._capture is not None:
-            self._capture.release()
-            self._capture = None
-
-    def _open(self) -> None:
-        self.close()
-        with quiet():
-            capture = cv2.VideoCapture(self.path)
-            opened = capture.isOpened()
-        if not opened:
-            raise DataError(
-                f"{self.path}: neither a picture nor a video that OpenCV can read; convert it "
-                "(PNG, JPEG, MP4 and AVI work everywhere)"
-            )
-        self._capture, self._next = capture, 0
-
-    def _grab(self) -> bool:
-        assert self._capture is not None
-        if not self._capture.grab():
-            return False
-        self._next += 1
-        return True
-
-    def _retrieve(self) -> StoredPicture | None:
-        assert self._capture is not None
-        good, picture = self._capture.retrieve()
-        return np.asarray(picture) if good and picture is not None else None
+        """Stop decoding."""
+        close = getattr(self._frames, "close", None)
+        if close is not None:
+            close()
+        self._frames, self._opened = iter(()), False

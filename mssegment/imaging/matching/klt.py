@@ -8,6 +8,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
+from mssegment.errors import ConfigurationError
 from mssegment.imaging.corners import FEW_FRAMES, select_apart
 from mssegment.imaging.matching.photometric import (
     PhotometricChange,
@@ -74,8 +75,18 @@ def match(
     -------
     Tracks
         Positions [P, F, 2] in pixels, NaN where not visible, in order of their first frame.
+
+    Raises
+    ------
+    ConfigurationError
+        If two views differ in size.
     """
     count = len(pictures)
+    if count == 2 and pictures[0].shape != pictures[1].shape:
+        raise ConfigurationError(
+            "match.method is flow, which follows points between frames of one size, but these two "
+            "views differ in size; set it to affine"
+        )
     short_sequence = count <= FEW_FRAMES
     renew = not short_sequence if renew is None else renew
     if min_length is None:
