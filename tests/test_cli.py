@@ -230,7 +230,7 @@ def bad_pictures(folder: Path) -> dict[str, tuple[list[str], str]]:
         "empty": ([good, str(folder / "empty.png")], "empty.png"),
         "truncated": ([good, str(folder / "cut.png")], "cut.png"),
         "not an image": ([good, str(folder / "text.png")], "text.png"),
-        "two sizes": ([good, small], "small.png has 80x60"),
+        "two sizes": ([good, good, small], "small.png has 80x60"),
         "one picture": ([good], "at least 2"),
         "empty folder": ([str(folder / "nothing")], "no pictures in this folder"),
         "no glob": ([str(folder / "*.jpg")], "no file matches"),
