@@ -1,13 +1,11 @@
 """Ground-truth labels in files, converted to one true label per track.
 
-A CSV holds labelled points. An image is the mask of one frame: 0 no object, n object n, 255 ignore.
-If there is one mask per frame, they belong to the frames in order; otherwise the number in the name
-of a mask identifies its frame.
+A table holds labelled points. Mask images and the shapes of labelling tools are read by
+``annotations``, which also finds the frame of each.
 """
 
 from __future__ import annotations
 
-import re
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -17,6 +15,8 @@ from mssegment.datasets import labels_from_masks, labels_from_points, read_locat
 from mssegment.errors import DataError
 from mssegment.neighbours import nearest
 from mssegment.records import IGNORED, Floats, Frame, Integers, Record, Tracks
+
+_TABLES = (".csv", ".tsv", ".txt")
 
 
 class Truth(Record, frozen=True):
@@ -30,11 +30,14 @@ class Truth(Record, frozen=True):
         The masks by the index of their frame; empty for labelled points.
     note : str
         How much of the labels belongs to a track.
+    notes : tuple of str
+        What was assumed in reading them.
     """
 
     labels: Integers
     masks: dict[int, Integers]
     note: str
+    notes: tuple[str, ...] = ()
 
 
 def true_labels(
@@ -52,7 +55,7 @@ def read_truth(
     Parameters
     ----------
     paths : sequence of str
-        One CSV of labelled points, or mask images.
+        One table of labelled points; or mask images, their folder, labelme or COCO JSON, CVAT XML.
     tracks : Tracks
         The tracks [P, F, 2] in pixels.
     frames : sequence of Frame
@@ -67,14 +70,11 @@ def read_truth(
     Raises
     ------
     DataError
-        If a file cannot be read, a mask belongs to no frame or has another size, or no track gets
+        If a file cannot be read, a mask belongs to no frame or has another shape, or no track gets
         a label.
     """
-    tables = [path for path in paths if Path(path).suffix.lower() == ".csv"]
-    if tables and len(paths) > 1:
-        raise DataError(
-            f"{', '.join(paths)}: expected either one CSV of labels or mask images, not both"
-        )
+    tables = _tables(paths)
+    notes: tuple[str, ...] = ()
     masks: dict[int, Integers] = {}
     if tables:
         places, labels = read_located_labels(Path(tables[0]))
@@ -82,14 +82,14 @@ def read_truth(
         note = _coverage(tracks.points, places, radius)
         hint = f"none lies within {radius:g} px of a track; do they belong to the same images?"
     else:
-        masks = _read_masks(paths, frames)
+        masks, notes = _read_masks(paths, frames)
         found = labels_from_masks(tracks.points, masks)
         judged = int((found != IGNORED).sum())
         note = f"{judged} of {len(found)} tracks have a label in the {_count(len(masks), 'mask')}"
         hint = "every visible point lies outside the masks or where they are 255 (ignore)"
     if len(found) and (found == IGNORED).all():
         raise DataError(f"{', '.join(paths)}: the labels match no track: {hint}")
-    return Truth(found, masks, note)
+    return Truth(found, masks, note, notes)
 
 
 def _coverage(points: Floats, places: Floats, radius: float) -> str:
@@ -114,62 +114,43 @@ def check_labels(paths: Sequence[str]) -> None:
 
     Whether the labels match the tracks can only be checked once there are tracks.
     """
-    from mssegment.imaging.frames import open_frames
+    for path in _tables(paths):
+        read_located_labels(Path(path))
+    if not _tables(paths):
+        from mssegment.annotations import read_annotations
 
-    masks = [path for path in paths if Path(path).suffix.lower() != ".csv"]
-    for path in paths:
-        if path not in masks:
-            read_located_labels(Path(path))
-    if masks:
-        open_frames(masks, at_least=1)
+        read_annotations(paths)
 
 
-def _read_masks(paths: Sequence[str], frames: Sequence[Frame]) -> dict[int, Integers]:
-    from mssegment.imaging.frames import open_frames
-
-    source = open_frames(list(paths), at_least=1)
-    width, height = frames[0].width, frames[0].height
-    masks: dict[int, Integers] = {}
-    for i, place in enumerate(_frames_of([frame.path for frame in source.frames], frames)):
-        path, mask = source.frames[i].path, np.asarray(source.pixels(i), dtype=np.int64)
-        if mask.shape[:2] != (height, width):
-            raise DataError(
-                f"{path}: the mask is {mask.shape[1]}x{mask.shape[0]}; expected {width}x{height}, "
-                "the size of the frames"
-            )
-        masks[place] = _one_channel(mask, path)
-    return masks
-
-
-def _one_channel(mask: Integers, path: str) -> Integers:
-    if mask.ndim == 2:
-        return mask
-    colours = mask[..., :3]
-    if (colours != colours[..., :1]).any():
+def _tables(paths: Sequence[str]) -> list[str]:
+    """The tables among some files of labels; raises DataError if there are other files too."""
+    tables = [path for path in paths if Path(path).suffix.lower() in _TABLES]
+    if tables and len(paths) > 1:
         raise DataError(
-            f"{path}: found a coloured mask; expected grey values: 0 no object, n object n"
+            f"{', '.join(paths)}: expected either one table of labels or mask images, not both"
         )
-    return np.asarray(colours[..., 0])
+    return tables
 
 
-def _frames_of(masks: Sequence[str], frames: Sequence[Frame]) -> list[int]:
-    """The index of the frame that each mask labels."""
-    if len(masks) == len(frames):
-        return list(range(len(frames)))
-    if len(masks) == 1 and _number(masks[0]) is None:
-        return [0]
-    numbers = [f.index if f.index is not None else _number(f.path) for f in frames]
-    places = []
-    for path in masks:
-        if _number(path) not in numbers:
-            raise DataError(
-                f"{path}: no frame has this number; give one mask per frame, or name each mask "
-                "like the frame that it labels (frame-3.png, mask-3.png)"
-            )
-        places.append(numbers.index(_number(path)))
-    return places
+def _read_masks(
+    paths: Sequence[str], frames: Sequence[Frame]
+) -> tuple[dict[int, Integers], tuple[str, ...]]:
+    """The mask of each labelled frame, at the size of the frame, and notes."""
+    from mssegment.annotations import frames_of, read_annotations, scaled
 
-
-def _number(path: str) -> int | None:
-    digits = re.findall(r"\d+", Path(path).stem)
-    return int(digits[-1]) if digits else None
+    found = read_annotations(paths)
+    places, notes = frames_of(found.frames, frames, paths)
+    masks: dict[int, Integers] = {}
+    resized = []
+    for place, labelled in places.items():
+        masks[place], was_scaled = scaled(labelled, frames[place])
+        if was_scaled:
+            resized.append(labelled)
+    if resized:
+        height, width = resized[0].mask.shape
+        frame = frames[0]
+        notes += (
+            f"{_count(len(resized), 'mask')} of {width}x{height} pixels scaled to "
+            f"{frame.width}x{frame.height} by the nearest pixel",
+        )
+    return masks, (*found.notes, *notes)

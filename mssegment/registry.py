@@ -149,3 +149,13 @@ MASK_STYLES: Registry[Any] = Registry(
     },
 )
 """The forms in which masks are written (``report.mask_style``)."""
+
+ANNOTATIONS: Registry[Any] = Registry(
+    "format of labelled shapes",
+    {
+        "labelme": "mssegment.annotations.labelme:LABELME",
+        "coco": "mssegment.annotations.coco:COCO",
+        "cvat": "mssegment.annotations.cvat:CVAT",
+    },
+)
+"""The formats of labelled shapes that ``--labels`` reads, beside mask images and tables."""

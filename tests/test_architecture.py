@@ -18,7 +18,7 @@ LAYERS = [
     {"neighbours", "resources", "special"},
     {"manifolds", "geometry"},
     {"models", "evaluation"},
-    {"meanshift", "imaging", "datasets", "cameras", "documents", "configuration"},
+    {"meanshift", "imaging", "datasets", "cameras", "annotations", "documents", "configuration"},
     {"preprocessing"},
     {"sampling"},
     {"segmentation", "rendering", "labelling", "masks", "export", "ground_truth", "history"},

@@ -62,20 +62,29 @@ def test_points_label_the_tracks_near_them(tmp_path: Path) -> None:
 
 def test_labels_that_cannot_be_right(tmp_path: Path) -> None:
     small = save(tmp_path, "small.png", mask()[:10])
-    coloured = save(tmp_path, "c.png", np.dstack([mask(), mask(), 0 * mask()]))
+    edges = np.tile(np.repeat([0, 60, 120, 180, 240, 255], [12, 1, 1, 1, 1, 24]), (30, 1))
+    soft = save(tmp_path, "soft.png", edges.astype(np.uint8))
+    jpeg = save(tmp_path, "mask.jpg", mask())
     other = [save(tmp_path, f"mask-{i}.png", mask()) for i in (1, 9)]
     blind = save(tmp_path, "blind.png", np.full((30, 40), 255, np.uint8))
     (tmp_path / "far.csv").write_text("x,y,label\n500,500,1\n")
     far = str(tmp_path / "far.csv")
     for paths, said in (
         ([small], "the mask is 40x10; expected 40x30"),
-        ([coloured], "a coloured mask"),
+        ([soft], "6 values, most of them only along edges"),
+        ([jpeg], "a JPEG, which blurs"),
         (other, r"mask-9\.png: no frame has this number"),
         ([blind], "match no track"),
         ([far], "none lies within 1 px"),
-        ([far, blind], "expected either one CSV of labels or mask images"),
+        ([far, blind], "expected either one table of labels or mask images"),
         (["none.png"], "none.png"),
     ):
         with pytest.raises(DataError, match=said) as caught:
             true_labels(paths, TRACKS, FRAMES, 1.0)
         assert "\n" not in str(caught.value)
+
+
+def test_a_table_of_labels_may_have_any_separator(tmp_path: Path) -> None:
+    (tmp_path / "l.txt").write_text("x y label\n5.5 5 1\n30 20 2\n")
+    found = true_labels([str(tmp_path / "l.txt")], TRACKS, FRAMES, 1.0)
+    assert found.tolist() == [1, 2, IGNORED, IGNORED, IGNORED]

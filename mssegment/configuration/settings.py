@@ -257,7 +257,11 @@ class ReportSettings(Section, frozen=True):
     """Tables, pictures and the HTML report."""
 
     labels: Annotated[
-        list[str], Meta(description="Ground-truth labels: a CSV of points, or mask images.")
+        list[str],
+        Meta(
+            description="Ground-truth labels: a table of points, mask images or their folder, "
+            "labelme or COCO JSON, or CVAT XML."
+        ),
     ] = []
     label_radius: Annotated[
         float,

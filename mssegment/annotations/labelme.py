@@ -1,0 +1,73 @@
+"""labelme: one JSON file per picture."""
+
+from __future__ import annotations
+
+from collections import Counter
+from typing import Any
+
+import numpy as np
+
+from mssegment.annotations.base import (
+    Shape,
+    ShapedFrame,
+    ShapeFormat,
+    Tree,
+    box_outline,
+    polygon_of,
+)
+from mssegment.errors import DataError
+from mssegment.records import Floats
+
+
+def recognises(tree: Tree) -> bool:
+    """Whether a JSON file is one of labelme."""
+    return isinstance(tree, dict) and {"shapes", "imagePath"} <= set(tree)
+
+
+def read(tree: Tree, path: str) -> tuple[list[ShapedFrame], list[str]]:
+    """The polygons, rectangles and circles of a picture.
+
+    Shapes with the same label and group are one object, and so are those with the same label and
+    place among shapes of that label in several pictures. Raises DataError for damaged shapes.
+    """
+    shapes: list[Shape] = []
+    count: Counter[str] = Counter()
+    left_out: Counter[str] = Counter()
+    for entry in tree["shapes"]:
+        if not isinstance(entry, dict):
+            raise DataError(f"{path}: a damaged shape; export it again")
+        label, group = str(entry.get("label", "")), entry.get("group_id")
+        kind = str(entry.get("shape_type") or "polygon")
+        outline = _outline(kind, entry.get("points"), path)
+        if outline is None:
+            left_out[kind] += 1
+            continue
+        key = (label, group) if group is not None else (label, f"#{count[label]}")
+        count[label] += group is None
+        shapes.append(Shape(key, label, (outline,)))
+    width, height = tree.get("imageWidth"), tree.get("imageHeight")
+    if not isinstance(width, int) or not isinstance(height, int):
+        raise DataError(f"{path}: no imageWidth and imageHeight; save the labels again")
+    notes = [f"{path}: {number} {kind}s left out" for kind, number in left_out.items()]
+    return [ShapedFrame(str(tree["imagePath"]), None, width, height, tuple(shapes))], notes
+
+
+def _outline(kind: str, points: Any, path: str) -> Floats | None:
+    """The outline of a shape with an area; None for points and lines."""
+    if kind not in ("polygon", "rectangle", "circle"):
+        return None
+    outline = polygon_of(points, path)
+    if kind == "polygon":
+        return outline if len(outline) > 2 else None
+    if len(outline) != 2:
+        raise DataError(f"{path}: a {kind} of {len(outline)} points; expected 2")
+    if kind == "rectangle":
+        (left, top), (right, bottom) = outline.min(axis=0), outline.max(axis=0)
+        return box_outline(left, top, right, bottom)
+    radius = float(np.linalg.norm(outline[1] - outline[0]))
+    angle = np.linspace(0, 2 * np.pi, 64, endpoint=False)
+    circle = np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    return np.asarray(outline[0] + radius * circle)
+
+
+LABELME = ShapeFormat("labelme", "labelme JSON", recognises, read)

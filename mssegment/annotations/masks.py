@@ -1,0 +1,156 @@
+"""Mask images: indices, grey values, colours, black and white."""
+
+from __future__ import annotations
+
+import struct
+import zlib
+from collections.abc import Sequence
+
+import cv2
+import numpy as np
+
+from mssegment.annotations.base import IGNORE, Annotations, LabelledFrame
+from mssegment.errors import DataError
+from mssegment.imaging.pictures import decode, looks_like_picture, read_bytes
+from mssegment.records import Integers
+
+MOST_COLOURS = 254
+VOID = (192, 224, 224)
+"""Blue, green, red of PASCAL VOC's void, which is ignored."""
+_FEWEST_SOFT = 4
+"""A mask with fewer values than this is not called soft."""
+
+
+def read_masks(paths: Sequence[str]) -> Annotations:
+    """Read mask images.
+
+    Parameters
+    ----------
+    paths : sequence of str
+        One file per labelled frame. A palette gives indices. Grey values are labels, 255 ignore;
+        where all masks together have only 0 and one other value, such as 255, that one is object 1.
+        Colours are numbered in order of appearance, black is 0.
+
+    Returns
+    -------
+    Annotations
+
+    Raises
+    ------
+    DataError
+        If a file cannot be read, or its values are no labels: a JPEG, or a mask with soft edges.
+    """
+    stored = [_stored(path) for path in paths]
+    notes: list[str] = []
+    if any(mask.ndim == 3 for mask in stored):
+        colours: dict[int, int] = {}
+        masks = [_by_colour(mask, colours, path) for mask, path in zip(stored, paths, strict=True)]
+        shown = list(map(_colour_name, colours))
+        notes.append(
+            f"coloured masks: {len(shown)} colours are the objects 1 to {len(shown)} "
+            f"({', '.join(shown[:4])}{', ...' if len(shown) > 4 else ''})"
+        )
+    else:
+        masks = stored
+        for mask, path in zip(masks, paths, strict=True):
+            _check_hard(mask, path)
+        masks = _black_and_white(masks, notes)
+    found = [LabelledFrame(path, None, mask) for path, mask in zip(paths, masks, strict=True)]
+    return Annotations(tuple(found), tuple(notes))
+
+
+def _stored(path: str) -> Integers:
+    """The labels [h, w], or the colours [h, w, 3] where the channels differ."""
+    content = read_bytes(path)
+    if content.startswith(b"\xff\xd8"):
+        raise DataError(f"{path}: a JPEG, which blurs the values of labels; save the mask as PNG")
+    if not looks_like_picture(path, content[:16]):
+        raise DataError(
+            f"{path}: not a mask image; expected PNG, TIFF, ... masks, a table of labelled points, "
+            "labelme or COCO JSON, or CVAT XML"
+        )
+    mask = np.asarray(decode(path, as_indices(content)))
+    if mask.dtype.kind not in "ui":
+        raise DataError(f"{path}: {mask.dtype} values; expected whole numbers")
+    depth = palette_depth(content)
+    if mask.ndim == 3:
+        colours = mask[..., :3]
+        if (colours != colours[..., :1]).any():
+            return np.asarray(colours, dtype=np.int64)
+        mask = colours[..., 0]
+    labels = np.asarray(mask, dtype=np.int64)
+    # an index of 1, 2 or 4 bits was decoded as a grey value that fills 8 bits
+    return labels // (255 // (2**depth - 1)) if depth in (1, 2, 4) else labels
+
+
+def palette_depth(content: bytes) -> int:
+    """Bits per index of a PNG with a palette; 0 for any other file."""
+    if content[:8] != b"\x89PNG\r\n\x1a\n" or content[12:16] != b"IHDR" or len(content) < 33:
+        return 0
+    return content[24] if content[25] == 3 else 0
+
+
+def as_indices(content: bytes) -> bytes:
+    """A PNG with a palette as one of grey values, which are the indices; others unchanged."""
+    if not palette_depth(content):
+        return content
+    header = content[16:25] + b"\0" + content[26:29]
+    parts = [content[:16], header, struct.pack(">I", zlib.crc32(b"IHDR" + header))]
+    place = 33
+    while place + 12 <= len(content):
+        (length,) = struct.unpack_from(">I", content, place)
+        if content[place + 4 : place + 8] not in (b"PLTE", b"tRNS", b"hIST", b"bKGD", b"sBIT"):
+            parts.append(content[place : place + 12 + length])
+        place += 12 + length
+    return b"".join(parts)
+
+
+def _by_colour(mask: Integers, colours: dict[int, int], path: str) -> Integers:
+    """Labels of a coloured mask; ``colours`` is extended by those that are new."""
+    if mask.ndim == 2:
+        mask = np.repeat(mask[..., None], 3, axis=2)
+    codes = (mask * [1, 1 << 16, 1 << 32]).sum(axis=-1)
+    _check_hard(codes, path)
+    values, first, inverse = np.unique(codes, return_index=True, return_inverse=True)
+    void = int(np.dot(VOID, [1, 1 << 16, 1 << 32]))
+    for place in np.argsort(first):
+        code = int(values[place])
+        if code not in (0, void):
+            colours.setdefault(code, len(colours) + 1)
+    if len(colours) > MOST_COLOURS:
+        raise DataError(
+            f"{path}: more than {MOST_COLOURS} colours; expected a mask, one colour per object"
+        )
+    named = {0: 0, void: IGNORE} | colours
+    labels = np.array([named[int(code)] for code in values], dtype=np.int64)
+    return labels[inverse].reshape(codes.shape)
+
+
+def _colour_name(code: int) -> str:
+    blue, green, red = code & 0xFFFF, code >> 16 & 0xFFFF, code >> 32
+    return f"#{red:02x}{green:02x}{blue:02x}"
+
+
+def _check_hard(mask: Integers, path: str) -> None:
+    """Raises DataError for a mask with soft edges: most of its values fill no place anywhere."""
+    values, codes = np.unique(mask, return_inverse=True)
+    if len(values) < _FEWEST_SOFT:
+        return
+    place = codes.reshape(mask.shape).astype(np.float32)
+    block = np.ones((3, 3), np.uint8)
+    solid = cv2.erode(place, block) == cv2.dilate(place, block)
+    filling = len(np.unique(place[solid]))
+    if (len(values) - filling) * 2 > len(values):
+        raise DataError(
+            f"{path}: {len(values)} values, most of them only along edges: a mask with soft edges, "
+            "whose values are no labels; save it without smoothing"
+        )
+
+
+def _black_and_white(masks: list[Integers], notes: list[str]) -> list[Integers]:
+    """Masks of 0 and one value that marks the object everywhere, as 0 and 1."""
+    values = np.unique(np.concatenate([np.unique(mask) for mask in masks]))
+    if len(values) != 2 or values[0] != 0 or values[1] not in (255, 65535):
+        return masks
+    notes.append(f"the masks have only the values 0 and {values[1]}: {values[1]} is object 1")
+    return [np.asarray(mask > 0, dtype=np.int64) for mask in masks]
