@@ -13,6 +13,7 @@ from mssegment.annotations.base import IGNORE, Annotations, LabelledFrame
 from mssegment.errors import DataError
 from mssegment.imaging.pictures import decode, looks_like_picture, read_bytes
 from mssegment.records import Integers
+from mssegment.special import distinct
 
 MOST_COLOURS = 254
 VOID = (192, 224, 224)
@@ -133,13 +134,13 @@ def _colour_name(code: int) -> str:
 
 def _check_hard(mask: Integers, path: str) -> None:
     """Raises DataError for a mask with soft edges: most of its values fill no place anywhere."""
-    values, codes = np.unique(mask, return_inverse=True)
+    values = distinct(mask)
     if len(values) < _FEWEST_SOFT:
         return
-    place = codes.reshape(mask.shape).astype(np.float32)
+    place = np.searchsorted(values, mask).astype(np.float32)
     block = np.ones((3, 3), np.uint8)
     solid = cv2.erode(place, block) == cv2.dilate(place, block)
-    filling = len(np.unique(place[solid]))
+    filling = len(distinct(place[solid].astype(np.int64)))
     if (len(values) - filling) * 2 > len(values):
         raise DataError(
             f"{path}: {len(values)} values, most of them only along edges: a mask with soft edges, "
@@ -149,7 +150,7 @@ def _check_hard(mask: Integers, path: str) -> None:
 
 def _black_and_white(masks: list[Integers], notes: list[str]) -> list[Integers]:
     """Masks of 0 and one value that marks the object everywhere, as 0 and 1."""
-    values = np.unique(np.concatenate([np.unique(mask) for mask in masks]))
+    values = distinct(np.concatenate([distinct(mask) for mask in masks]))
     if len(values) != 2 or values[0] != 0 or values[1] not in (255, 65535):
         return masks
     notes.append(f"the masks have only the values 0 and {values[1]}: {values[1]} is object 1")
