@@ -121,3 +121,35 @@ def many_tracks(*, tracks: int, frames: int, width: int = 1242, height: int = 37
         ),
         pictures=lambda i: np.clip(canvas + np.roll(grain, 7 * i, axis=1), 0, 255).astype(np.uint8),
     )
+
+
+def crowd(*, motions: int = 14, tracks: int = 900) -> Report:
+    """Many motions in clusters, some of them over each other, in two frames of one video."""
+    rng = np.random.default_rng(7)
+    labels = rng.integers(0, motions + 1, tracks)
+    labels[rng.random(tracks) < 0.05] = -1
+    moving = np.maximum(labels, 0)
+    start = rng.uniform([100, 80], [1100, 600], (motions + 1, 2))[moving]
+    start = start + rng.normal(0, 25, (tracks, 2))
+    start[labels <= 0] = rng.uniform(0, [1200, 700], ((labels <= 0).sum(), 2))
+    end = start + rng.normal(0, 12, (motions + 1, 2))[moving]
+    found = tuple(
+        Motion(k, 0, "affine", np.eye(3), np.flatnonzero(labels == k), 1.0, 1.0)
+        for k in range(1, motions + 1)
+    )
+    name = "a-long-folder/some_recording_2024_11_30_with_a_long_name.mp4"
+    return build_report(
+        frames=[Frame(name, 1200, 700, "ab" * 32, i) for i in range(2)],
+        tracks=Tracks(np.stack([start, end], axis=1)),
+        sets=[],
+        segmentation=ClusterResult(
+            labels,
+            tuple(Mode(0, 10, 0.1 / k, np.eye(3), k) for k in range(1, motions + 1)),
+            found,
+            (),
+            rng.lognormal(0, 2, (motions, tracks)),
+        ),
+        truth=np.where(labels < 0, -3, labels),
+        pictures=lambda i: np.full((700, 1200, 3), 150, dtype=np.uint8),
+        history=[{"stage": "cluster", "version": "1", "settings": {"cluster.bandwidth": "auto"}}],
+    )

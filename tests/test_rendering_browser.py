@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from rendering_samples import affine_report, many_tracks
+from rendering_samples import affine_report, crowd, many_tracks
 
 from mssegment.ground_truth import true_labels
 from mssegment.labelling import LabelServer
@@ -378,3 +378,60 @@ def test_a_polygon_can_be_drawn_with_the_keyboard_alone(browser, label_server):
     page.wait_for_selector("#status:has-text('saved')")
     page.close()
     assert (label_server.folder / "mask-1.png").exists()
+
+
+WIDER_THAN_THE_PAGE = """() => [...document.querySelectorAll('body *')]
+    .filter((e) => e.getBoundingClientRect().right > innerWidth + 1 && !e.closest('.scroll, pre'))
+    .map((e) => `${e.tagName}.${e.className}`)"""
+
+
+@pytest.mark.parametrize("width", [390, 1280])
+def test_nothing_is_wider_than_a_phone_or_a_screen(open_page, width):
+    opened = open_page(crowd(), viewport={"width": width, "height": 844})
+    assert opened.page.evaluate(WIDER_THAN_THE_PAGE) == []
+    heights = opened.page.eval_on_selector_all(
+        "#labels .toggle, #provenance thead th",
+        "all => all.map((e) => e.getBoundingClientRect().height)",
+    )
+    assert max(heights) < 45  # no word is broken, no name is in two lines
+    opened.clean()
+
+
+def test_print_cuts_nothing_and_lists_a_video_once(open_page):
+    opened = open_page(crowd(), viewport={"width": 720, "height": 900})
+    page = opened.page
+    page.emulate_media(media="print")
+    assert page.evaluate("() => document.documentElement.scrollWidth <= innerWidth")
+    cut = """() => [...document.querySelectorAll('.scroll, .toggles')]
+        .filter((e) => e.scrollWidth > e.clientWidth + 1 || e.scrollHeight > e.clientHeight + 1)
+        .map((e) => e.getAttribute('aria-label') ?? e.id)"""
+    assert page.evaluate(cut) == []
+    assert page.locator("#provenance tr:has-text('.mp4')").count() == 1
+    assert "1–2" in page.inner_text("#provenance tr:has-text('.mp4')")
+
+
+def test_ignored_tracks_have_a_word(open_page):
+    opened = open_page(crowd())
+    page = opened.page
+    page.select_option("#filter", "-1")
+    assert page.locator("#track-table tbody td:nth-child(3)").first.inner_text() == "ignored"
+    opened.clean()
+
+
+def test_a_row_is_selected_by_the_pointer_and_not_by_the_page_that_scrolls(pair):
+    page = pair.page
+    row = page.locator("#track-table tbody tr").nth(4)
+    row.scroll_into_view_if_needed()
+    row.hover()
+    page.mouse.move(*[side + 2 for side in (row.bounding_box()["x"], row.bounding_box()["y"])])
+    assert "selected" in row.get_attribute("class")
+    pair.clean()
+
+
+def test_the_label_page_says_what_zero_is(browser, label_server):
+    page = browser.new_page()
+    page.goto(label_server.url)
+    page.wait_for_selector("#stage:focus")
+    assert "0, the static world" in page.inner_text("header")
+    assert "0 static world" in page.inner_text("#label")
+    page.close()

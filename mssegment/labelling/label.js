@@ -11,7 +11,7 @@
   let frame = 0, vertices = [], crosshair = null, unsaved = false;
 
   const nameOf = (label) =>
-    label === NONE ? "no motion (erase)" : label === IGNORE ? "ignore" : `${glyphs.get(label) ?? ""} motion ${label}`;
+    label === NONE ? "0 static world (erase)" : label === IGNORE ? "255 ignore" : `${glyphs.get(label) ?? ""} motion ${label}`;
   const colourOf = (label) => (label === NONE ? "#000000" : label === IGNORE ? "#8a8a93" : colours.get(label) ?? "#ffffff");
   for (const label of [...Array(20).keys()].map((i) => i + 1).concat([NONE, IGNORE])) {
     const option = document.createElement("option");

@@ -59,18 +59,17 @@ class FrameView(Record, frozen=True):
 
     @property
     def legend_height(self) -> int:
-        """Height of the legend below the photograph, pixels."""
+        """Height of a legend of one line below the photograph, pixels."""
         return round(2.2 * self.sizes.text)
 
     def to_picture(self, points: Floats) -> Floats:
         """Positions [..., 2] in the frame as positions in the photograph, pixels."""
         return (points + 0.5) * self.scale - 0.5
 
-    def scene(self, legend: bool) -> Scene:
-        """A scene of the photograph, with space below if there is a ``legend``."""
+    def scene(self) -> Scene:
+        """A scene of the photograph."""
         height, width = self.photograph.shape[:2]
-        full = height + (self.legend_height if legend else 0)
-        return Scene(width, full, [(0, 0, self.photograph)])
+        return Scene(width, height, [(0, 0, self.photograph)])
 
     def with_photograph(self, photograph: Picture) -> FrameView:
         """The same view with another photograph."""
@@ -125,20 +124,40 @@ def muted(picture: Picture) -> Picture:
     return np.asarray(cv2.addWeighted(picture, 0.5, grey, 0.3, 26.0), dtype=np.uint8)
 
 
-def legend(view: FrameView, entries: Sequence[tuple[style.LabelStyle, str]]) -> list[Item]:
-    """One line of marker and text per entry below the photograph, reduced to fit its width."""
+Entry = tuple[style.LabelStyle, str]
+"""A marker and its text."""
+
+
+def add_legend(scene: Scene, view: FrameView, entries: Sequence[Entry]) -> None:
+    """Extend a scene of a photograph by the legend below it: as many lines as it takes."""
     height, width = view.photograph.shape[:2]
     size = view.sizes.text
-    needed = sum(_entry_width(text, size) for _, text in entries) + size
-    shrink = min(1.0, width / needed)
-    size *= shrink
-    x, y = 0.8 * size, height + view.legend_height / 2
-    items: list[Item] = []
-    for marker, text in entries:
-        items.append(_key(marker, x + 0.4 * size, y, 0.4 * size))
-        items.append(Label(x + 1.15 * size, y + 0.36 * size, size, text, style.INK))
-        x += _entry_width(text, size)
-    return items
+    longest = max((_entry_width(text, size) for _, text in entries), default=size)
+    size *= min(1.0, width / (longest + size))
+    line = 1.7 * size
+    rows = _rows(entries, size, width)
+    scene.height = height + max(view.legend_height, round(line * len(rows) + 0.5 * size))
+    top = (height + scene.height - line * (len(rows) - 1)) / 2
+    for number, row in enumerate(rows):
+        x, y = 0.8 * size, top + number * line
+        for marker, text in row:
+            scene.add([_key(marker, x + 0.4 * size, y, 0.4 * size)])
+            scene.add([Label(x + 1.15 * size, y + 0.36 * size, size, text, style.INK)])
+            x += _entry_width(text, size)
+
+
+def _rows(entries: Sequence[Entry], size: float, width: float) -> list[list[Entry]]:
+    """The entries in lines that fit the width."""
+    rows: list[list[Entry]] = [[]]
+    used = size
+    for entry in entries:
+        needed = _entry_width(entry[1], size)
+        if rows[-1] and used + needed > width:
+            rows.append([])
+            used = size
+        rows[-1].append(entry)
+        used += needed
+    return rows
 
 
 def _entry_width(text: str, size: float) -> float:
@@ -152,20 +171,19 @@ def _key(marker: style.LabelStyle, x: float, y: float, radius: float) -> Item:
 
 
 def number_badges(report: Report, view: FrameView) -> list[Item]:
-    """The number of each motion on its object, moved apart where they would overlap."""
+    """The number of each object on one of its points, moved where numbers would overlap."""
     points = view.to_picture(report.tracks.points[:, view.index])
-    places, labels = [], []
-    for motion in report.motions:
+    radius = view.sizes.badge
+    places: list[Floats] = []
+    labels = []
+    for motion in report.objects:
         own = points[report.members(motion.label)]
         own = own[np.isfinite(own).all(axis=1)]
-        if len(own) and not report.style(motion.label).is_quiet:
-            # the inlier nearest to the median: the median itself may be off the object
-            middle = np.median(own, axis=0)
-            places.append(own[np.argmin(((own - middle) ** 2).sum(axis=1))])
+        if len(own):
+            places.append(_badge_place(own, places, 2.3 * radius))
             labels.append(motion.label)
     if not places:
         return []
-    radius = view.sizes.badge
     height, width = view.photograph.shape[:2]
     separate = _pushed_apart(np.array(places), 2.3 * radius)
     separate = np.clip(separate, 1.2 * radius, np.array([width, height]) - 1.2 * radius)
@@ -173,6 +191,19 @@ def number_badges(report: Report, view: FrameView) -> list[Item]:
         Badge(float(x), float(y), radius, report.style(label).colour, str(label))
         for (x, y), label in zip(separate, labels, strict=True)
     ]
+
+
+def _badge_place(own: Floats, taken: Sequence[Floats], distance: float) -> Floats:
+    """The point nearest to the median of its motion that is not too near to other badges.
+
+    The median itself may be off the object. Without such a point, the nearest one.
+    """
+    middle = np.median(own, axis=0)
+    order = np.argsort(((own - middle) ** 2).sum(axis=1), kind="stable")
+    for place in own[order]:
+        if all(np.hypot(*(place - other)) >= distance for other in taken):
+            return np.asarray(place)
+    return np.asarray(own[order[0]])
 
 
 def _pushed_apart(places: Floats, distance: float) -> Floats:

@@ -15,7 +15,7 @@ import numpy as np
 from mssegment.errors import UsageError
 from mssegment.records import BACKGROUND, NOT_JUDGED, OUTLIER, Floats, Integers
 from mssegment.rendering import style
-from mssegment.rendering.layout import FrameView, legend, number_badges, stack_right, views_of
+from mssegment.rendering.layout import FrameView, add_legend, number_badges, stack_right, views_of
 from mssegment.rendering.regions import Contours, dense_regions, hulls
 from mssegment.rendering.report import Report
 from mssegment.rendering.scene import Areas, Item, Lines, Markers, Scene
@@ -131,7 +131,7 @@ def shown_frames(count: int, limit: int = MAX_FRAMES) -> list[int]:
 
 def points_scene(report: Report, view: FrameView) -> Scene:
     """All tracks in one frame with their displacements, without labels."""
-    scene = view.scene(legend=True)
+    scene = view.scene()
     points = view.to_picture(report.tracks.points[:, view.index])
     points = points[np.isfinite(points).all(axis=1)]
     size, colour = view.sizes, style.PLAIN_COLOUR
@@ -139,7 +139,7 @@ def points_scene(report: Report, view: FrameView) -> Scene:
     scene.add(_paths(report, view, shown, colour, size.line))
     scene.add([Markers(points, "circle", 0.75 * size.marker, colour, 0.2 * size.marker)])
     marker = style.LabelStyle(colour, "circle", "tracks")
-    scene.add(legend(view, [(marker, f"{len(report.labels)} tracks")]))
+    add_legend(scene, view, [(marker, f"{len(report.labels)} tracks")])
     return scene
 
 
@@ -166,12 +166,12 @@ def frame_scene(
     with_legend : bool
         Whether there is a legend below.
     """
-    scene = view.scene(with_legend)
+    scene = view.scene()
     scene.add(_area_items(areas or {}, view, opacity))
     scene.add(_label_items(report, view))
     scene.add(number_badges(report, view))
     if with_legend:
-        scene.add(legend(view, motion_entries(report)))
+        add_legend(scene, view, motion_entries(report))
     return scene
 
 
@@ -204,7 +204,7 @@ def overlay_scene(report: Report, first: FrameView, last: FrameView) -> Scene:
     else:
         blend = last.photograph
     view = first.with_photograph(blend)
-    scene = view.scene(legend=True)
+    scene = view.scene()
     size = view.sizes
     shown = shown_displacements(report, last.index)
     for motion in sorted(report.motions, key=lambda m: m.label != report.camera_motion):
@@ -216,7 +216,7 @@ def overlay_scene(report: Report, first: FrameView, last: FrameView) -> Scene:
         ends = ends[np.isfinite(ends).all(axis=1)]
         scene.add([Markers(ends, marker.shape, radius, marker.colour, 0.25 * radius)])
     scene.add(number_badges(report, last))
-    scene.add(legend(view, motion_entries(report)))
+    add_legend(scene, view, motion_entries(report))
     return scene
 
 

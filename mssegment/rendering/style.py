@@ -64,7 +64,7 @@ PAPER: Colour = (255, 255, 255)
 MUTED: Colour = (95, 99, 109)
 """Secondary text."""
 
-PATH_OPACITY = 0.62
+PATH_OPACITY = 0.45
 REGION_OPACITY = 0.38
 HULL_OPACITY = 0.20
 

@@ -16,7 +16,7 @@ from mssegment.errors import UsageError
 from mssegment.imaging.pictures import quiet
 from mssegment.records import Floats, Integers
 from mssegment.rendering import style
-from mssegment.rendering.layout import FrameView, legend, number_badges, view_of
+from mssegment.rendering.layout import FrameView, add_legend, number_badges, view_of
 from mssegment.rendering.pictures import motion_entries
 from mssegment.rendering.raster import paint
 from mssegment.rendering.report import Picture, Report
@@ -73,10 +73,10 @@ def video_frames(report: Report) -> Iterator[Picture]:
     """Yield the finished frames, all of one size with even sides."""
     for index in range(len(report.frames)):
         view = view_of(report, index)
-        scene = view.scene(legend=True)
+        scene = view.scene()
         scene.add(trail_items(report, view))
         scene.add(number_badges(report, view))
-        scene.add(legend(view, motion_entries(report)))
+        add_legend(scene, view, motion_entries(report))
         picture = paint(scene)
         height, width = picture.shape[:2]  # codecs store colour per 2 x 2 pixels
         yield picture[: height - height % 2, : width - width % 2]

@@ -38,6 +38,7 @@ def render_page(report: Report) -> str:
         notes="".join(f"<li>{escape(note)}</li>" for note in report.notes),
         frames=still.frames_html(report, payload.photographs(report)),
         toggles=sections.toggles_html(report),
+        many=" many" if len(payload.shown_labels(report)) > sections.MAX_TOGGLES else "",
         motions=sections.motions_html(report),
         modes=sections.modes_html(report),
         manifolds=sections.manifolds_html(report),

@@ -88,6 +88,17 @@ def misclassified(report: Report) -> npt.NDArray[np.bool_]:
     return np.asarray(counted & ~is_correct(report.labels, report.truth, matching, world))
 
 
+def zero_name(report: Report) -> str:
+    """What the true label 0 is called."""
+    world = None if report.evaluation is None else report.evaluation.world
+    return "outlier" if world is None else "background"
+
+
+def true_name(report: Report, label: int) -> str:
+    """A true label in words where it is not the number of a motion."""
+    return str(label) if label > 0 else zero_name(report) if label == OUTLIER else "ignored"
+
+
 def inlier_limit(report: Report, label: int) -> float | None:
     """Largest residual in pixels of the inliers of a motion; None where there are no residuals."""
     index = residual_row(report, label)
@@ -132,6 +143,7 @@ def numbers(report: Report) -> dict[str, Any]:
         "points": _base64(coded, "<i2"),
         "labels": _base64(np.clip(report.labels, -32000, 32000), "<i2"),
         "truth": None if report.truth is None else _base64(report.truth, "<i2"),
+        "zero": zero_name(report),
         "displacements": _base64(
             shown_displacements(report, 0) if report.frames else np.zeros(0), "u1"
         ),

@@ -13,6 +13,7 @@ function makeCanvas() {
   return { canvas, context: canvas.getContext("2d") };
 }
 
+const numberPlaces = new Map(); // label/frame -> position of its number
 let scale = 1; // canvas pixels per frame pixel
 let unit = 1; // canvas pixels per CSS pixel
 function fit() {
@@ -28,6 +29,7 @@ function fit() {
     }
   }
   scale = width / size.width;
+  numberPlaces.clear();
   draw();
 }
 
@@ -49,7 +51,7 @@ function radiusOf(style) {
 
 function drawDisplacements(context, style, list) {
   context.strokeStyle = style.colour;
-  context.globalAlpha = style.quiet ? 0.35 : 0.6;
+  context.globalAlpha = style.quiet ? 0.3 : 0.45;
   context.lineWidth = (style.quiet ? 0.9 : 1.5) * unit;
   const arrows = [];
   context.beginPath();
@@ -125,8 +127,7 @@ function drawNumbers() {
   }
 }
 
-// the number of a motion lies on its object: at the inlier nearest to the median
-const numberPlaces = new Map();
+// the number of a motion lies on its object: at a free inlier, the nearest to the median
 function numberPlace(label) {
   const key = `${label}/${state.frame}`;
   if (!numberPlaces.has(key)) {
@@ -137,8 +138,15 @@ function numberPlace(label) {
       return sorted[sorted.length >> 1];
     });
     const far = (p) => (p[0] - middle[0]) ** 2 + (p[1] - middle[1]) ** 2;
-    const nearest = (best, p) => (far(p) < far(best) ? p : best);
-    numberPlaces.set(key, here.length ? here.reduce(nearest) : null);
+    here.sort((a, b) => far(a) - far(b));
+    // not on the number of a motion before this one
+    const gap = (24 * unit) / scale;
+    const taken = motions
+      .filter((one) => one.label < label && !one.quiet)
+      .map((one) => numberPlace(one.label))
+      .filter((place) => place !== null);
+    const free = (p) => taken.every(([x, y]) => Math.hypot(p[0] - x, p[1] - y) >= gap);
+    numberPlaces.set(key, here.find(free) ?? here[0] ?? null);
   }
   return numberPlaces.get(key);
 }

@@ -15,6 +15,7 @@ from mssegment.rendering.page.payload import (
     misclassified,
     residual_row,
     shown_labels,
+    true_name,
 )
 from mssegment.rendering.page.projection import Projection, project
 from mssegment.rendering.report import Report
@@ -24,6 +25,8 @@ MAX_MODES = 12
 """Modes that are listed, besides those of motions."""
 MAX_SETS = 3
 """Hypothesis sets whose manifold is plotted."""
+MAX_TOGGLES = 11
+"""Labels in one column; more are in two."""
 MAX_RESIDUAL_PLOTS = 12
 ROWS_PER_PAGE = 25
 """Rows of the table of tracks; the script has the same number."""
@@ -258,7 +261,9 @@ def tracks_html(report: Report) -> str:
         moved = float(np.hypot(*(track[-1] - track[0]))) if len(track) > 1 else None
         cells = [
             _label_cell(report, int(report.labels[i])),
-            "" if truth is None else str(truth[i]) + (" (error)" if wrong[i] else ""),
+            ""
+            if truth is None
+            else true_name(report, int(truth[i])) + (" (error)" if wrong[i] else ""),
             fixed(own, 2),
             fixed(other, 2),
             fixed(moved, 1),
@@ -284,11 +289,7 @@ def _best_residuals(report: Report, track: int) -> tuple[float | None, float | N
 
 def provenance_html(report: Report) -> str:
     """How the result was made: frames, stages with their settings, configuration."""
-    frames = [
-        _row(str(i + 1), [escape(f.path), f"{f.width} × {f.height}", _hash(f.sha256)])
-        for i, f in enumerate(report.frames)
-    ]
-    parts = [_table("Frames", ["frame", "file", "size", "SHA-256"], frames)]
+    parts = [_table("Frames", ["frames", "file", "size", "SHA-256"], _files(report))]
     stages = [
         _row(
             escape(str(entry.get("stage", f"step {i + 1}"))),
@@ -304,6 +305,25 @@ def provenance_html(report: Report) -> str:
             f"<details><summary>Configuration</summary><pre>{escape(text)}</pre></details>"
         )
     return "".join(parts)
+
+
+def _files(report: Report) -> list[str]:
+    """A row for each file, with its frames: a video is one file."""
+    rows: list[str] = []
+    frames = report.frames
+    start = 0
+    for end in range(1, len(frames) + 1):
+        first = frames[start]
+        if end < len(frames) and (frames[end].path, frames[end].sha256) == (
+            first.path,
+            first.sha256,
+        ):
+            continue
+        name = str(end) if end == start + 1 else f"{start + 1}–{end}"
+        size = f"{first.width} × {first.height}"
+        rows.append(_row(name, [escape(first.path), size, _hash(first.sha256)]))
+        start = end
+    return rows
 
 
 def _settings(entry: Mapping[str, Any]) -> str:

@@ -51,11 +51,14 @@ function row(track) {
   } else found.textContent = "-";
   const [own, other] = bestTwo(track);
   const cells = [
-    truth === null ? "" : `${truth[track]}${misclassified[track] ? " (error)" : ""}`,
+    truth === null ? "" : `${trueName(truth[track])}${misclassified[track] ? " (error)" : ""}`,
     digits(own), digits(other), digits(displacement(track)),
   ];
   line.append(head, found, ...cells.map((cell) => text("td", cell)));
-  line.addEventListener("pointerenter", () => select(track));
+  // not where the page scrolls below a pointer at rest
+  line.addEventListener("pointermove", (event) => {
+    if (event.movementX || event.movementY) select(track);
+  });
   return line;
 }
 

@@ -7,6 +7,7 @@ const text = (tag, content, name) => {
 };
 const digits = (value) => (Number.isFinite(value) ? value.toFixed(Math.abs(value) < 10 ? 2 : 1) : "–");
 const residual = (row, track) => residuals[row * tracks + track];
+const trueName = (label) => (label > 0 ? String(label) : label === 0 ? data.zero : "ignored");
 const nameOf = (label) => styles.get(label)?.name.replace("outliers", "outlier") ?? String(label);
 
 function describe(track) {
@@ -21,7 +22,7 @@ function describe(track) {
   line("found", ` ${nameOf(labels[track])}`);
   if (styles.has(labels[track])) list.lastChild.prepend(key(styles.get(labels[track])));
   if (truth !== null) {
-    const word = truth[track] > 0 ? `motion ${truth[track]}` : truth[track] === 0 ? "outlier" : "ignored";
+    const word = truth[track] > 0 ? `motion ${truth[track]}` : trueName(truth[track]);
     line("true", word + (misclassified[track] ? " (error)" : ""), misclassified[track] ? "error" : "");
   }
   if (isVisible(track, state.frame)) {
