@@ -12,6 +12,7 @@ import numpy as np
 
 from docs.docstrings import fields, prose, summary
 from mssegment.documents import DOCUMENTS, Document
+from mssegment.schema import NAMES
 
 REPORT_FIELDS = {
     "schema": ("string", "`mssegment/report/1`."),
@@ -85,6 +86,12 @@ base64. A document that does not fit its type is refused with the place of the f
 `expected float, got str at $.tracks.points[3][0][0]`.
 """
     ]
+    links = ", ".join(f"[{name}](schemas/{name}.json)" for name in NAMES)
+    parts.append(
+        f"JSON Schemas: {links}. `mssegment schema NAME` writes the same. With the first line "
+        "`# yaml-language-server: $schema=configuration.json` in `config.yaml`, editors complete "
+        "and check it.\n"
+    )
     parts += [_document_section(schema, kind) for schema, kind in DOCUMENTS.items()]
     parts += [_struct_section(kind) for kind in _structs_below(DOCUMENTS.values())]
     rows = [f"| `{key}` | {kind} | {text} |" for key, (kind, text) in REPORT_FIELDS.items()]

@@ -7,6 +7,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import re
 import subprocess
@@ -25,6 +26,7 @@ from docs.api import PUBLIC, api_pages
 from docs.formats import formats_page
 from docs.registries import manifolds_page, models_page
 from docs.settings import settings_page
+from mssegment.schema import NAMES, json_schema
 
 ROOT = Path(__file__).parents[1]
 
@@ -71,9 +73,12 @@ def on_config(config: MkDocsConfig) -> MkDocsConfig:
 
 
 def on_files(files: Files, config: MkDocsConfig) -> Files:
-    """Adds the generated pages."""
+    """Adds the generated pages, and the JSON Schemas."""
     for path, content in pages().items():
         files.append(File.generated(config, path, content=content))
+    for name in NAMES:
+        content = json.dumps(json_schema(name), indent=2)
+        files.append(File.generated(config, f"schemas/{name}.json", content=content))
     return files
 
 

@@ -233,3 +233,13 @@ def test_the_descriptions_state_the_automatic_values_that_the_program_uses() -> 
         ("hypothesize.rank", f"fewer than {LONG_SEQUENCE} frames"),
     ):
         assert phrase in KEYS[key].description
+
+
+def test_a_variable_of_no_setting_is_named() -> None:
+    wrong = {"MSSEGMENT_CLUSTER_BANDWITH": "0.1"}
+    with pytest.raises(
+        ConfigurationError,
+        match=r"MSSEGMENT_CLUSTER_BANDWITH.*did you mean MSSEGMENT_CLUSTER_BANDW",
+    ):
+        from_environment(wrong)
+    assert from_environment({"MSSEGMENT_DATA": "x", "_MSSEGMENT_COMPLETE": "y"}) == []

@@ -34,6 +34,8 @@ COMMANDS: dict[str, str] = {
     "label": "Draw ground-truth labels in a local web page.",
     "benchmark": "Evaluate the segmentation on a public data set.",
     "init": "Write a commented configuration file.",
+    "schema": "Write the JSON Schema of a document or of the configuration.",
+    "completion": "Write a script that completes commands in a shell.",
 }
 """Every command with its one-line help; its module is ``cli/<name>.py`` (``import_tracks.py``)."""
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import click
 
 from mssegment.cli import COMMANDS
-from mssegment.cli.common import Console, console_options, put
+from mssegment.cli.common import Console, complete_assignment, console_options, put
 from mssegment.configuration import from_environment, from_text
 from mssegment.registry import DATASETS
 
@@ -69,7 +69,12 @@ DATA_SETS = sorted(name for name, entry in DATASETS.items() if entry.benchmark)
     help="Number of parallel processes; the results do not depend on it.",
 )
 @click.option(
-    "--set", "assignments", multiple=True, metavar="KEY=VALUE", help="Set any key; repeatable."
+    "--set",
+    "assignments",
+    multiple=True,
+    metavar="KEY=VALUE",
+    help="Set any key; repeatable.",
+    shell_complete=complete_assignment,
 )
 @console_options
 def command(

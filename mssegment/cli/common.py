@@ -8,7 +8,7 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
@@ -24,6 +24,9 @@ from mssegment.documents import (
 )
 from mssegment.errors import UsageError
 from mssegment.records import Record
+
+if TYPE_CHECKING:
+    from click.shell_completion import CompletionItem
 
 Command = TypeVar("Command", bound=Callable[..., Any])
 
@@ -90,7 +93,7 @@ def _option(name: str, key: str) -> Callable[[Any], Any]:
             "Calibrated camera: fx,fy,cx,cy in pixels, a file with these keys, or the file of a "
             "calibration program; FILE#NAME chooses one of several cameras."
         )
-        return click.option(flag_of(key), name, metavar="CAMERA", help=text)
+        return click.option(flag_of(key), name, metavar="CAMERA", help=text, shell_complete=files)
     if isinstance(setting.default, bool):
         flag = flag_of(key)
         return click.option(
@@ -103,8 +106,52 @@ def _option(name: str, key: str) -> Callable[[Any], Any]:
         metavar=setting.choices.removesuffix("|none").removesuffix("..."),
         multiple=key in _SEVERAL,
         default=None,
+        shell_complete=values_of(key),
         help=f"{setting.description}{repeatable}{shown}",
     )
+
+
+def values_of(key: str) -> Callable[[click.Context, click.Parameter, str], list[CompletionItem]]:
+    """What the option of a setting completes to: its words, or names of files."""
+
+    def complete(
+        context: click.Context, parameter: click.Parameter, incomplete: str
+    ) -> list[CompletionItem]:
+        from click.shell_completion import CompletionItem
+
+        words = _words_of(key)
+        if not words and "TEXT" in KEYS[key].choices:
+            return [CompletionItem(incomplete, type="file")]
+        return [CompletionItem(word) for word in words if word.startswith(incomplete)]
+
+    return complete
+
+
+def complete_assignment(
+    context: click.Context, parameter: click.Parameter, incomplete: str
+) -> list[CompletionItem]:
+    """What ``--set`` completes to: each key with each of its words, or with ``=``."""
+    from click.shell_completion import CompletionItem
+
+    found = [f"{key}={word}" for key in KEYS for word in (_words_of(key) or [""])]
+    return [
+        CompletionItem(text, help=KEYS[text.partition("=")[0]].description)
+        for text in found
+        if text.startswith(incomplete)
+    ]
+
+
+def files(
+    context: click.Context, parameter: click.Parameter, incomplete: str
+) -> list[CompletionItem]:
+    """Completes to names of files."""
+    from click.shell_completion import CompletionItem
+
+    return [CompletionItem(incomplete, type="file")]
+
+
+def _words_of(key: str) -> list[str]:
+    return [word for word in KEYS[key].choices.split("|") if word.islower() and word != "none"]
 
 
 class Console(Record, frozen=True):
@@ -263,7 +310,13 @@ def output_option(command: Command) -> Command:
 
 def document_argument(noun: str) -> Callable[[Command], Command]:
     """Add the argument for the input document; omitted or ``-`` is standard input."""
-    return click.argument("document", metavar=f"[{noun.upper()}]", required=False, default=STANDARD)
+    return click.argument(
+        "document",
+        metavar=f"[{noun.upper()}]",
+        required=False,
+        default=STANDARD,
+        shell_complete=files,
+    )
 
 
 def read_argument(path: str, kind: type[AnyDocument]) -> AnyDocument:

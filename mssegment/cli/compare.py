@@ -9,6 +9,7 @@ from mssegment.cli.common import (
     Console,
     chosen_format,
     console_options,
+    files,
     format_option,
     put,
     settings_options,
@@ -24,7 +25,7 @@ KEYS = ("report.labels", "report.label_radius", "report.background_label")
     short_help=COMMANDS["compare"],
     epilog="Example:  mssegment compare a.json b.json --picture comparison.png",
 )
-@click.argument("segmentations", nargs=-1, metavar="SEGMENTATION...")
+@click.argument("segmentations", nargs=-1, metavar="SEGMENTATION...", shell_complete=files)
 @settings_options(*KEYS)
 @click.option(
     "--picture", metavar="FILE", help="Also draw them side by side, as .png, .jpg or .svg."

@@ -7,7 +7,7 @@ import time
 import click
 
 from mssegment.cli import COMMANDS
-from mssegment.cli.common import Console, console_options, output_option, settings_options
+from mssegment.cli.common import Console, console_options, files, output_option, settings_options
 from mssegment.configuration import Setting, resolve
 from mssegment.errors import UsageError
 
@@ -26,7 +26,9 @@ KEYS = (
     short_help=COMMANDS["detect"],
     epilog="Example:  mssegment detect 1.png 2.png -o corners.json",
 )
-@click.argument("images", nargs=-1, metavar="IMAGE... | FOLDER | GLOB | VIDEO")
+@click.argument(
+    "images", nargs=-1, metavar="IMAGE... | FOLDER | GLOB | VIDEO", shell_complete=files
+)
 @settings_options(*KEYS)
 @output_option
 @console_options

@@ -10,6 +10,7 @@ from mssegment.cli import COMMANDS
 from mssegment.cli.common import (
     Console,
     console_options,
+    files,
     output_option,
     refuse_keyboard,
     settings_options,
@@ -24,7 +25,7 @@ KEYS = ("input.images",)
     short_help=COMMANDS["import"],
     epilog="Example:  mssegment import tracks.csv | mssegment hypothesize --model affine",
 )
-@click.argument("file", metavar="[FILE]", required=False, default=STANDARD)
+@click.argument("file", metavar="[FILE]", required=False, default=STANDARD, shell_complete=files)
 @settings_options(*KEYS)
 @output_option
 @console_options

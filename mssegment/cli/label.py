@@ -5,7 +5,7 @@ from __future__ import annotations
 import click
 
 from mssegment.cli import COMMANDS
-from mssegment.cli.common import Console, console_options, settings_options
+from mssegment.cli.common import Console, console_options, files, settings_options
 from mssegment.configuration import Setting, resolve
 from mssegment.errors import UsageError
 
@@ -16,7 +16,9 @@ KEYS = ("input.start", "input.stop", "input.step")
     short_help=COMMANDS["label"],
     epilog="Example:  mssegment label 1.png 2.png --out labels",
 )
-@click.argument("images", nargs=-1, metavar="IMAGE... | FOLDER | GLOB | VIDEO")
+@click.argument(
+    "images", nargs=-1, metavar="IMAGE... | FOLDER | GLOB | VIDEO", shell_complete=files
+)
 @settings_options(*KEYS)
 @click.option(
     "--out",

@@ -14,7 +14,9 @@ from mssegment.cli import COMMANDS
 from mssegment.cli.common import (
     Console,
     chosen_format,
+    complete_assignment,
     console_options,
+    files,
     format_option,
     put,
     settings_options,
@@ -54,10 +56,21 @@ _TRACK_FILES = (".csv", ".mat", ".json", ".npy", ".npz", ".tsv", ".txt", ".h5", 
     short_help=COMMANDS["run"],
     epilog="Example:  mssegment run 1.png 2.png --model affine --out out",
 )
-@click.argument("inputs", nargs=-1, required=True, metavar="CONFIG.yaml | IMAGE... | TRACKS")
+@click.argument(
+    "inputs",
+    nargs=-1,
+    required=True,
+    metavar="CONFIG.yaml | IMAGE... | TRACKS",
+    shell_complete=files,
+)
 @settings_options(*KEYS)
 @click.option(
-    "--set", "assignments", multiple=True, metavar="KEY=VALUE", help="Set any key; repeatable."
+    "--set",
+    "assignments",
+    multiple=True,
+    metavar="KEY=VALUE",
+    help="Set any key; repeatable.",
+    shell_complete=complete_assignment,
 )
 @click.option(
     "--out",

@@ -64,6 +64,9 @@ _WORDS = {
     for form in (word, word.capitalize(), word.upper())
 }
 """Words that YAML 1.1 does not read as text."""
+_PREFIX = "MSSEGMENT_"
+_OTHER_VARIABLES = ("MSSEGMENT_DATA",)
+"""Variables of the benchmarks and tests."""
 _INTRINSICS = ("fx", "fy", "cx", "cy")
 
 
@@ -145,14 +148,25 @@ def from_environment(environment: Mapping[str, str] = os.environ) -> list[Settin
     """The settings in environment variables.
 
     The name of a variable is ``MSSEGMENT_`` followed by the key in capitals with ``_`` instead of
-    dots. Raises ConfigurationError for a value that is not YAML.
+    dots. Raises ConfigurationError for a value that is not YAML, and for another variable that
+    begins with ``MSSEGMENT_``, with the nearest name.
     """
-    names = {key: f"MSSEGMENT_{key.replace('.', '_').upper()}" for key in KEYS}
+    names = {key: f"{_PREFIX}{key.replace('.', '_').upper()}" for key in KEYS}
+    for name in environment:
+        if name.startswith(_PREFIX) and name not in (*names.values(), *_OTHER_VARIABLES):
+            raise ConfigurationError(f"{name}: no setting has this variable; {_near(name, names)}")
     return [
         Setting(key, _value(environment[name], name), name)
         for key, name in names.items()
         if name in environment
     ]
+
+
+def _near(name: str, names: Mapping[str, str]) -> str:
+    import difflib
+
+    near = difflib.get_close_matches(name, names.values(), n=1, cutoff=0.5)
+    return f"did you mean {near[0]}?" if near else "`mssegment init` shows all keys"
 
 
 def from_options(options: Mapping[str, Any], flags: Mapping[str, str]) -> list[Setting]:
