@@ -13,14 +13,15 @@ SHELLS = ("bash", "zsh", "fish")
 
 @click.command(
     short_help=COMMANDS["completion"],
-    epilog='Example:  eval "$(mssegment completion bash)"',
+    epilog="Example:  mssegment completion fish",
 )
 @click.argument("shell", type=click.Choice(SHELLS))
 @click.option("--debug", is_flag=True, help="Show the traceback of an error.")
 def command(shell: str, debug: bool) -> None:
     """Write the script that completes mssegment in a shell: commands, options and their values.
 
-    For bash, put the line of the example into ~/.bashrc; for zsh, the same with zsh into ~/.zshrc.
+    For bash, put `eval "$(mssegment completion bash)"` into ~/.bashrc; for zsh, the same with zsh
+    into ~/.zshrc.
     For fish: mssegment completion fish > ~/.config/fish/completions/mssegment.fish
     """
     found = get_completion_class(shell)
