@@ -17,7 +17,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from mssegment.records import Integers, Record, replace
+from mssegment.records import OUTLIER, Integers, Record, replace
 from mssegment.sampling.neighbourhoods import nearest_neighbours, neighbour_space
 from mssegment.segmentation.mdl.candidates import Candidates, Family, concatenate, from_modes
 from mssegment.segmentation.mdl.continuity import merge_faces
@@ -39,10 +39,13 @@ from mssegment.segmentation.selection import (
     SelectionProblem,
     SelectionResult,
 )
+from mssegment.special import median
 
 PLANE_NEIGHBOUR_WEIGHT = 0.5
 """Weight of the prediction of a label by its neighbours, relative to that by frequency, for planes
 under perspective."""
+EXCLUDED = 1e-3
+"""Share of the true inliers that are too far away to be labelled."""
 FINAL_ROUNDS = 5
 """Rounds of neighbour labels and refits at the end."""
 
@@ -252,7 +255,28 @@ def final_labels(
         before, labels = labels, neighbour_labels(current.gains, neighbourhood, labels)
         if np.array_equal(labels, before):
             break
+    if problem.points.shape[1] == 2:
+        labels = within_limits(labels, current, description, problem.noise)
     return labels, current
+
+
+def within_limits(
+    labels: Integers, current: Candidates, description: Description, noise: float
+) -> Integers:
+    """The labels, without tracks whose residual no noise explains.
+
+    The limit is the residual that one track in ``1 / EXCLUDED`` exceeds, given the median of the
+    residuals of its motion, or that of the ``noise`` if it is larger.
+    """
+    labels = labels.copy()
+    for k in range(len(current)):
+        own = labels == k + 1
+        if own.any():
+            model = description.families[int(current.set_indices[k])].noise
+            middle = max(median(current.residuals[k][own]) / model.quantile(0.5), noise)
+            limit = model.quantile(EXCLUDED) * middle
+            labels[own & (current.residuals[k] > limit)] = OUTLIER
+    return labels
 
 
 def bodies_of(

@@ -21,6 +21,7 @@ from mssegment.segmentation.mdl.labelling import (
     neighbour_cost,
     smooth_labels,
 )
+from mssegment.special import median
 
 PRECISION_GAIN = 0.5 * float(np.log(12.0)) - 0.5
 """Nats that the optimal precision of a parameter saves (Wallace and Freeman, 1987)."""
@@ -30,6 +31,8 @@ MIN_LENGTH = 1e-12
 """Smallest length in pixels, so that the logarithm for coincident tracks is finite."""
 RESIDUAL_CAP = 1e4
 """Residuals beyond this, in pixels, are treated as equal."""
+LOOSE = 2.0
+"""Largest median of the residuals of a motion, over that which its scale makes expect."""
 PENALTY = 1e6
 """Nats per violated bound; more than any description saves."""
 
@@ -106,12 +109,26 @@ class Description(Record, frozen=True):
             SUBSETS_PER_MOTION * self.families[int(index)].observed_set.model.subset_size
             for index in motions.set_indices
         ]
-        too_small = float((count < least).sum())
+        too_small = float((count < least).sum()) + self._too_loose(motions, labels)
         # motions without tracks do not count
         number = int((count > 0).sum())
         violation = max(self.min_motions - number, len(motions) - self.max_motions, 0.0)
         cost = self._parameter_cost(motions, labels)
         return saved - cost - PENALTY * (too_small + 1e3 * violation)
+
+    def _too_loose(self, motions: Candidates, labels: Integers) -> int:
+        """How many motions are no better than their largest scale: tracks without a motion.
+
+        The scale is bounded, but the residuals of its tracks are not: where saying that a track is
+        an outlier is expensive, a motion could take up all that are left.
+        """
+        found = 0
+        for k in range(len(motions)):
+            own = motions.residuals[k][labels == k + 1]
+            noise = self.families[int(motions.set_indices[k])].noise
+            limit = LOOSE * noise.quantile(0.5) * float(motions.scales[k])
+            found += bool(len(own)) and median(own) > limit
+        return found
 
     def saved_without_bounds(self, motions: Candidates) -> float:
         """Nats that ``motions`` save, whether or not bounds are violated."""

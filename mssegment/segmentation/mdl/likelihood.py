@@ -104,6 +104,17 @@ class Noise(Record, frozen=True):
             (self.degrees_of_freedom + self.dimension) / (self.degrees_of_freedom + square)
         )
 
+    def quantile(self, share: float) -> float:
+        """The residual, over the scale of its motion, that a ``share`` of the tracks exceeds.
+
+        For residual vectors of dimension 2; infinite for others.
+        """
+        nu = self.degrees_of_freedom
+        if self.dimension != 2:
+            return math.inf
+        squared = -2 * math.log(share) if np.isinf(nu) else nu * (share ** (-2 / nu) - 1)
+        return math.sqrt(squared / self.residual_terms)
+
     def standard_deviation(self, residuals: Floats) -> float:
         """Standard deviation in pixels of one coordinate, for tracks with these residuals [n]."""
         return float(np.sqrt(self.residual_terms * np.mean(residuals**2) / self.dimension))

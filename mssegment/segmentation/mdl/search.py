@@ -23,6 +23,8 @@ from mssegment.segmentation.mdl.refinement import refine
 
 MAX_PROPOSALS = 3
 """Candidates that are tried as an addition; each saves on other tracks than those before."""
+MAX_LOOK_AHEAD = 8
+"""Most motions that are added although none of them pays by itself."""
 MAX_MOVES = 30
 """Maximum number of moves; each shortens the description."""
 MAX_REFITS = 10
@@ -43,8 +45,29 @@ def start(pool: Candidates, description: Description) -> Candidates:
         ]
         values = [description.saved(one) for one in sets]
         if not values or max(values) <= best + MIN_IMPROVEMENT:
-            return current
+            return current if len(current) else look_ahead(pool, description)
         current, best = sets[int(np.argmax(values))], max(values)
+
+
+def look_ahead(pool: Candidates, description: Description) -> Candidates:
+    """Add candidates although none shortens the description; the best refitted set that does.
+
+    Of few tracks, no motion alone saves what its labels cost, but all of them together may: then no
+    track is an outlier, and that costs nothing to say.
+    """
+    current = best = pool.take([])
+    most = description.saved(current)
+    for _ in range(MAX_LOOK_AHEAD):
+        sets = [
+            concatenate([current, pool.take([k])]) for k in proposals(current, pool, MAX_PROPOSALS)
+        ]
+        if not sets:
+            break
+        current = sets[int(np.argmax([description.saved(one) for one in sets]))]
+        refined, value = refitted(current, description)
+        if value > most + MIN_IMPROVEMENT:
+            best, most = refined, value
+    return best
 
 
 def improve(current: Candidates, pool: Candidates, description: Description) -> Candidates:
@@ -179,15 +202,14 @@ def split_tracks(tracks: Flags, positions: Floats) -> Floats:
 
 
 def outlier_motions(labels: Integers, description: Description) -> list[Candidates]:
-    """One motion of every calibrated family, fitted to all tracks without a motion.
+    """One motion of every family, fitted to all tracks without a motion.
 
     A small object among many tracks has few hypotheses, which a mode of the background absorbs.
     """
     outliers = (labels == 0).astype(np.float64)[None]
     found = []
     for family in description.families:
-        if family.observed_set.model.needs_camera:
-            found += family.fitted(outliers, np.array([-1]))
+        found += family.fitted(outliers, np.array([-1]))
     return found
 
 
