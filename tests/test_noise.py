@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from mssegment.neighbours import nearest_others
+from mssegment.preprocessing.background import find_background
 from mssegment.preprocessing.noise import (
     QUANTILE,
     QUANTILE_OF_NORMAL,
@@ -13,7 +14,7 @@ from mssegment.preprocessing.noise import (
     measured_noise,
     reference_noise,
 )
-from mssegment.records import Floats
+from mssegment.records import BACKGROUND, Floats
 
 
 def plane(rng: np.random.Generator, count: int, noise: float, outliers: int = 0) -> Floats:
@@ -59,3 +60,33 @@ def test_exact_matches_have_the_noise_of_the_best_matchers() -> None:
     assert 0.1 < reference_noise(points) < 0.3
     assert np.isnan(measured_noise(points[:7]))
     assert 0 < reference_noise(points[:7]) < 0.3
+
+
+def test_what_stands_still_is_relative_to_the_noise() -> None:
+    rng = np.random.default_rng(0)
+    for noise in (0.1, 1.5):
+        first = rng.uniform(0, [640, 480], (200, 2))
+        second = first + rng.normal(0, noise, first.shape)
+        second[:40] += [40.0, 15.0]
+        found = find_background(np.stack([first, second], axis=1), frame_size=(640, 480))
+        assert (found.status[:40] == 0).all()
+        assert (found.status[40:] == BACKGROUND).mean() > 0.98
+
+
+def test_an_offset_of_the_coordinates_makes_no_background() -> None:
+    rng = np.random.default_rng(0)
+    points = plane(rng, 150, 0.3) + 20_000.0
+    found = find_background(points, frame_size=(20_641, 20_481))
+    assert (found.status == 0).all()
+
+
+def test_a_picture_that_stands_still_says_from_which_motion_on() -> None:
+    rng = np.random.default_rng(0)
+    first = rng.uniform(0, [640, 480], (160, 2))
+    second = first + rng.normal(0, 0.03, first.shape)
+    second[:60] += [1.2, 0.0]
+    points = np.stack([first, second], axis=1)
+    (note,) = find_background(points, frame_size=(640, 480)).notes
+    assert "less than 2 px (background.min_displacement)" in note
+    found = find_background(points, frame_size=(640, 480), min_displacement=0.5)
+    assert (found.status == 0).sum() == 60

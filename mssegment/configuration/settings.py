@@ -161,8 +161,12 @@ class BackgroundSettings(Section, frozen=True):
         Meta(description="Remove static tracks as background; auto: when the camera is static."),
     ] = "auto"
     min_displacement: Annotated[
-        float, Meta(gt=0, description="Tracks that move less than this, in pixels, are static.")
-    ] = 2.0
+        Auto | Annotated[float, Meta(gt=0)],
+        Meta(
+            description="Tracks that move less than this, in pixels, are static; auto: 2, or more "
+            "where the noise of two views is larger."
+        ),
+    ] = "auto"
 
 
 class HypothesizeSettings(Section, frozen=True):

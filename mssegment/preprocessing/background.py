@@ -15,14 +15,23 @@ from mssegment.manifolds import Euclidean
 from mssegment.meanshift import ascend, kernel_named, shift
 from mssegment.models import Flags
 from mssegment.neighbours import nearest
+from mssegment.preprocessing.noise import MEDIAN_OF_RAYLEIGH, measured_noise
 from mssegment.records import BACKGROUND, OUTLIER, Floats, Integers, Record
-from mssegment.special import distinct, quantile
+from mssegment.special import distinct, median, quantile
 
 BANDWIDTH = 2.0
 """Bandwidth in pixels of the mean shift over displacements."""
 MAX_SHAKE = 0.005
 """Largest displacement of the whole image, relative to its diagonal, that counts as shake of a
 static camera (4 pixels in 640 x 480; a bridge under traffic sways by 2)."""
+MIN_DISPLACEMENT = 2.0
+"""A track that stays within so many pixels of its start is background, or within more where the
+noise of two views is larger."""
+STILL = 5.0
+"""The same over the standard deviation of the noise: 4 in a million of normal errors are larger,
+and some of heavy tails, which their neighbours tell (``_drifting``)."""
+SPREAD_ROUNDS = 3
+"""Rounds in which the static tracks and their standard deviation are estimated."""
 STATIC_DISTANCE = 1.5
 """A track is static if its distance from its start, without the shake, is below this, in pixels."""
 MIN_STATIC_SHARE = 0.15
@@ -70,12 +79,12 @@ def find_background(
     *,
     frame_size: tuple[int, int],
     remove: bool | Literal["auto"] = "auto",
-    min_displacement: float = 2.0,
+    min_displacement: float | Literal["auto"] = "auto",
 ) -> Background:
     """Find the tracks that belong to a static background.
 
     A track is background if it stays within ``min_displacement`` of its start in nearly every
-    frame, after the shake of the camera is subtracted.
+    frame, after the shake of the camera is subtracted. It is larger for noisy matches.
 
     Parameters
     ----------
@@ -85,8 +94,8 @@ def find_background(
         Width and height in pixels.
     remove : bool or "auto"
         Whether to look for a background; ``auto`` only if the camera is static.
-    min_displacement : float
-        Distance in pixels.
+    min_displacement : float or "auto"
+        Distance in pixels; ``auto`` is ``MIN_DISPLACEMENT``, or more for noisy matches.
 
     Returns
     -------
@@ -105,10 +114,14 @@ def find_background(
     status = np.full(len(points), OUTLIER, dtype=np.int64)
     if remove is False or len(points) == 0:
         return Background(status)
-    path = camera_path(points, MAX_SHAKE * float(np.hypot(*frame_size)))
+    bandwidth = BANDWIDTH if min_displacement == "auto" else min(BANDWIDTH, min_displacement)
+    path = camera_path(points, MAX_SHAKE * _extent(points, frame_size), bandwidth)
     distance = distances(points, path)
+    limits = _Limits.of_matches(points, distance) if points.shape[1] == 2 else _Limits()
+    if min_displacement == "auto":
+        min_displacement = limits.displacement
     if remove == "auto":
-        static, reason = is_static(points, distance, frame_size)
+        static, reason = is_static(points, distance, frame_size, limits.static)
         if not static:
             return Background(status, (f"the camera moves ({reason}): no background removed",))
     visible = np.isfinite(distance).sum(axis=1)
@@ -117,7 +130,35 @@ def find_background(
     static_tracks |= _drifting(points, distance, static_tracks)
     status[static_tracks] = BACKGROUND
     note = f"background: {int(static_tracks.sum())} of {len(points)} tracks are static"
+    if static_tracks.all():
+        note += (
+            f": they move less than {min_displacement:.3g} px (background.min_displacement); "
+            "smaller motions are not looked for"
+        )
     return Background(status, (note,))
+
+
+class _Limits(Record, frozen=True):
+    """Largest distance in pixels of a static track: in the test for a static camera, in labels."""
+
+    static: float = STATIC_DISTANCE
+    displacement: float = MIN_DISPLACEMENT
+
+    @classmethod
+    def of_matches(cls, points: Floats, distance: Floats) -> _Limits:
+        """The limits for matches [P, 2, 2], given their distances [P, 2] from the background.
+
+        They grow with the noise: the smaller of that which was measured, in which mismatches and
+        borders may be, and the spread of the static tracks, in which slow motions may be.
+        """
+        noise = measured_noise(points[np.isfinite(points).all(axis=(1, 2))])
+        static, displacement = STATIC_DISTANCE, MIN_DISPLACEMENT
+        for _ in range(SPREAD_ROUNDS if np.isfinite(noise) else 0):
+            near = distance[:, 1][distance[:, 1] < displacement]
+            spread = median(near) / MEDIAN_OF_RAYLEIGH if len(near) else 0.0
+            limit = STILL * min(noise, spread)
+            static, displacement = max(STATIC_DISTANCE, limit), max(MIN_DISPLACEMENT, limit)
+        return cls(static, displacement)
 
 
 def _drifting(points: Floats, distance: Floats, static: Flags) -> Flags:
@@ -147,7 +188,17 @@ def _drifting(points: Floats, distance: Floats, static: Flags) -> Flags:
         static[added] = True
 
 
-def camera_path(points: Floats, max_shake: float) -> Floats:
+def _extent(points: Floats, frame_size: tuple[int, int]) -> float:
+    """Diagonal in pixels of the picture, or of the box of all points where that is smaller.
+
+    The size of a picture that is not at hand is that of the largest coordinates.
+    """
+    visible = points[np.isfinite(points).all(axis=2)]
+    box = float(np.hypot(*np.ptp(visible, axis=0))) if len(visible) else np.inf
+    return min(float(np.hypot(*frame_size)), box)
+
+
+def camera_path(points: Floats, max_shake: float, bandwidth: float = BANDWIDTH) -> Floats:
     """Estimate the shake of a static camera.
 
     In each frame, the mode of the displacements, up to ``max_shake`` pixels, of the visible tracks
@@ -170,16 +221,16 @@ def camera_path(points: Floats, max_shake: float) -> Floats:
         sample = older[index]
         moved = points[sample, frame] - points[sample, first[sample]] + path[first[sample]]
         small = moved[np.linalg.norm(moved, axis=1) < max_shake]
-        path[frame] = densest(small) if len(small) else path[frame - 1]
+        path[frame] = densest(small, bandwidth) if len(small) else path[frame - 1]
     return path
 
 
-def densest(displacements: Floats) -> Floats:
+def densest(displacements: Floats, bandwidth: float = BANDWIDTH) -> Floats:
     """The mode of the kernel density of ``displacements`` [n, 2] that the densest one ascends to.
 
     One pass over all pairs finds the start; mean shift of all of them would find all modes.
     """
-    prepared, kernel = Euclidean(2).prepare(displacements, BANDWIDTH), kernel_named("gaussian")
+    prepared, kernel = Euclidean(2).prepare(displacements, bandwidth), kernel_named("gaussian")
     _, density = shift(prepared, kernel, displacements)
     found = ascend(
         prepared,
@@ -200,14 +251,16 @@ def distances(points: Floats, path: Floats) -> Floats:
     return np.asarray(np.linalg.norm(stabilized - start[:, None], axis=-1))
 
 
-def is_static(points: Floats, distance: Floats, frame_size: Sequence[int]) -> tuple[bool, str]:
+def is_static(
+    points: Floats, distance: Floats, frame_size: Sequence[int], limit: float = STATIC_DISTANCE
+) -> tuple[bool, str]:
     """Whether the camera is static in every frame; otherwise the reason why not."""
     for frame in range(1, points.shape[1]):
         # not the tracks that begin in this frame
         usable = np.isfinite(distance[:, frame]) & np.isfinite(distance[:, :frame]).any(axis=1)
         if not usable.any():
             continue
-        static = np.asarray(distance[usable, frame] < STATIC_DISTANCE)
+        static = np.asarray(distance[usable, frame] < limit)
         share = float(static.mean())
         if share < MIN_STATIC_SHARE:
             reason = f"{100 * share:.0f} % of the tracks are static over frames 1-{frame + 1}"
@@ -220,8 +273,13 @@ def is_static(points: Floats, distance: Floats, frame_size: Sequence[int]) -> tu
 
 def _cells_covered(points: Floats, static: Flags, frame_size: Sequence[int]) -> float:
     """Share of the occupied cells of a grid over the image that contain a static track."""
-    size = np.maximum(frame_size, points.max(axis=0) + 1)
-    cell = np.clip((points / size * GRID_CELLS).astype(int), 0, GRID_CELLS - 1) @ [1, GRID_CELLS]
+    low = points.min(axis=0)
+    low = np.where(low > 0.5 * np.asarray(frame_size), low, 0.0)
+    size = np.maximum(frame_size, points.max(axis=0) + 1) - low
+    cell = np.clip(((points - low) / size * GRID_CELLS).astype(int), 0, GRID_CELLS - 1) @ [
+        1,
+        GRID_CELLS,
+    ]
     return len(distinct(cell[static])) / len(distinct(cell))
 
 

@@ -14,6 +14,7 @@ import numpy as np
 import mssegment.models as motion_models
 from mssegment.errors import DataError, UsageError
 from mssegment.models import Flags, MotionModel
+from mssegment.preprocessing.noise import reference_noise
 from mssegment.records import (
     Camera,
     Floats,
@@ -34,6 +35,11 @@ MIN_SUPPORT = 3
 SUPPORT_TOLERANCE = 0.02
 """Largest residual of a supporting track, relative to the rms radius of all tracks (about 3 px in
 640 x 480)."""
+SUPPORT_DEVIATIONS = 2.0
+"""The same over the measured noise of two views, where it is larger: 86 of 100 normal errors in
+the plane are smaller."""
+MAX_TOLERANCE_FACTOR = 3.0
+"""How many times larger than relative to the radius it may be."""
 MAX_TRACKS = 4000
 """Tracks that are sampled; of more, a random subset. If neighbours are too close, the noise of an
 elemental subset dominates its motion, and the modes are smeared."""
@@ -237,6 +243,10 @@ def _scene(
         )
     radius = np.sqrt(((tracks - tracks.mean(axis=0)) ** 2).sum(axis=-1).mean())
     tolerance = SUPPORT_TOLERANCE * float(radius)
+    if tracks.shape[1] == 2:
+        # mismatches among the neighbours may make the measured noise too large
+        noise = SUPPORT_DEVIATIONS * reference_noise(tracks)
+        tolerance = float(np.clip(noise, tolerance, MAX_TOLERANCE_FACTOR * tolerance))
     return _Scene(model, observed, normalization, neighbours, seeds, tolerance)
 
 
