@@ -173,20 +173,17 @@ class Console(Record, frozen=True):
 
     @contextmanager
     def working(self, text: str) -> Iterator[Callable[[str], None]]:
-        """Show a spinner with the elapsed time, on a terminal.
+        """Show a bar with what is done, count, rate and remaining time, on a terminal.
 
         Yields a function that changes the text beside it.
         """
         if self.quiet or not sys.stderr.isatty() or "NO_COLOR" in os.environ:
             yield lambda text: None
             return
-        from rich.console import Console as RichConsole
-        from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
+        from mssegment.cli.progress_bar import stage_bar
 
-        columns = (SpinnerColumn(), TextColumn("{task.description}"), TimeElapsedColumn())
-        with Progress(*columns, console=RichConsole(stderr=True), transient=True) as progress:
-            task = progress.add_task(text, total=None)
-            yield lambda text: progress.update(task, description=text)
+        with stage_bar(text) as change:
+            yield change
 
     @contextmanager
     def progress(self, text: str, total: int) -> Iterator[Callable[[str], None]]:

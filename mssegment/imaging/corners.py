@@ -13,6 +13,7 @@ from mssegment.imaging.pictures import GreyPicture
 from mssegment.imaging.pyramid import Level, build_pyramid, size_unit
 from mssegment.imaging.threads import threads_for
 from mssegment.neighbours import pairs_within
+from mssegment.progress import track
 from mssegment.records import Corners, Floats, Frame
 
 HARRIS_K = 0.04
@@ -130,7 +131,7 @@ def detect_all(
     """
     pair = len(pictures) == 2
     found: list[Corners] = []
-    for number, grey in enumerate(pictures):
+    for number, grey in enumerate(track(pictures, "frames")):
         with threads_for(len(pictures)):
             corners = detect(
                 grey,

@@ -20,6 +20,7 @@ from mssegment.imaging.pictures import GreyPicture, RgbPicture, StoredPicture
 from mssegment.imaging.sources import expand
 from mssegment.imaging.stacks import Stack, is_stack
 from mssegment.imaging.videos import Video
+from mssegment.progress import track
 from mssegment.records import Frame, Record, replace
 
 CACHE_BYTES = 256 * 2**20
@@ -233,7 +234,7 @@ def open_frames(
     decoded = _PictureCache()
     frames: list[Frame] = []
     still = 0
-    for path in paths:
+    for path in track(paths, "files"):
         if are_moving[path]:
             frames.extend(_open_moving(path, chosen, decoded, notes))
         else:
@@ -347,7 +348,9 @@ def _open_moving(
     digest = pictures.sha256(path)
     frames = []
     source = _moving(path)
-    for index, seconds, picture in source.select(chosen.start, chosen.stop, chosen.step):
+    selected = source.select(chosen.start, chosen.stop, chosen.step)
+    expected = len(range(chosen.start, chosen.stop, chosen.step)) if chosen.stop else None
+    for index, seconds, picture in track(selected, "frames", expected):
         height, width = picture.shape[:2]
         # microseconds: what a container does not store exactly must not look exact
         time = None if seconds is None else round(seconds, 6)

@@ -19,6 +19,7 @@ from mssegment.masks.evidence import (
     track_distances,
 )
 from mssegment.neighbours import nearest
+from mssegment.progress import track
 from mssegment.records import BACKGROUND, Floats, Frame, Integers
 
 UNKNOWN = 255
@@ -86,7 +87,7 @@ def label_pixels(
         world=world,
     )
     values = np.array([UNKNOWN if world is None else WORLD, *motions], dtype=np.uint8)
-    for index in range(len(frames)):
+    for index in track(range(len(frames)), "masks"):
         yield _enlarged(values[_label_frame(scene, index)], full[index], values)
 
 

@@ -29,6 +29,7 @@ import numpy.typing as npt
 
 from mssegment.manifolds import Manifold, PreparedPoints
 from mssegment.meanshift.kernels import Kernel
+from mssegment.progress import report
 from mssegment.records import Floats, Integers, State
 
 if TYPE_CHECKING:
@@ -190,6 +191,7 @@ class Ascent(State):
         self.iterations += 1
         self.x[active.index], self.density[active.index] = active.x, active.density
         self.converged[active.index] = converged
+        report(int(self.converged.sum()), len(self.converged), "trajectories")
         if self.history is not None:
             self.history.append((active.index, active.x))
 

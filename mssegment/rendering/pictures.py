@@ -13,6 +13,7 @@ import cv2
 import numpy as np
 
 from mssegment.errors import UsageError
+from mssegment.progress import track
 from mssegment.records import BACKGROUND, NOT_JUDGED, OUTLIER, Floats, Integers
 from mssegment.rendering import style
 from mssegment.rendering.layout import FrameView, add_legend, number_badges, stack_right, views_of
@@ -68,7 +69,7 @@ def encode_pictures(
     with ThreadPoolExecutor(1) as pool:  # compresses one picture while the next is drawn
         waiting: Future[bytes] | None = None
         name = ""
-        for following, scene in scenes_of(report, kinds):
+        for following, scene in track(scenes_of(report, kinds), "pictures"):
             drawn = draw(scene, file_format, following)
             if waiting is not None:
                 yield name, waiting.result()

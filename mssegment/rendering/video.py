@@ -14,6 +14,7 @@ import numpy as np
 
 from mssegment.errors import UsageError
 from mssegment.imaging.pictures import quiet
+from mssegment.progress import track
 from mssegment.records import Floats, Integers
 from mssegment.rendering import style
 from mssegment.rendering.layout import FrameView, add_legend, number_badges, view_of
@@ -71,7 +72,7 @@ def render_video(report: Report, file_format: str = "mp4", rate: float | None = 
 
 def video_frames(report: Report) -> Iterator[Picture]:
     """Yield the finished frames, all of one size with even sides."""
-    for index in range(len(report.frames)):
+    for index in track(range(len(report.frames)), "frames of the video"):
         view = view_of(report, index)
         scene = view.scene()
         scene.add(trail_items(report, view))

@@ -15,6 +15,7 @@ import mssegment.models as motion_models
 from mssegment.errors import DataError, UsageError
 from mssegment.models import Flags, MotionModel
 from mssegment.preprocessing.noise import reference_noise
+from mssegment.progress import track
 from mssegment.records import (
     Camera,
     Floats,
@@ -139,7 +140,7 @@ def hypothesize(
     rotation = _camera_rotation(models, tracks, camera, options, rng)
     neighbours: Integers | None = None
     sets = []
-    for name in models:
+    for name in track(models, "models"):
         rank = 3 if options.rank == "auto" else options.rank
         model = motion_models.make(name, frames=points.shape[1], rank=rank)
         _check_tracks(model, len(tracks))

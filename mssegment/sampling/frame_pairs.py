@@ -22,6 +22,7 @@ from mssegment.models.factorization import Factorization
 from mssegment.models.flat import Flat
 from mssegment.models.fundamental import Fundamental
 from mssegment.models.homography import Homography
+from mssegment.progress import track
 from mssegment.records import (
     Floats,
     Hypotheses,
@@ -155,7 +156,8 @@ def _draw_complete(
     complete = np.flatnonzero(visible.all(axis=1))
     neighbours = nearest_neighbours(points[complete], STORED_NEIGHBOURS)
     sets = []
-    for pair in _even_pairs(frames, max(1, round(COMPLETE_GAP * frames)), COMPLETE_PAIRS):
+    even = _even_pairs(frames, max(1, round(COMPLETE_GAP * frames)), COMPLETE_PAIRS)
+    for pair in track(even, "pairs of frames"):
         shared = np.flatnonzero(visible[:, pair].all(axis=1))
         near = (
             neighbours
@@ -188,7 +190,7 @@ def _draw_pairs(
 ) -> list[HypothesisSet]:
     """Sets of all ``kinds`` between the ``pairs`` of frames that have enough tracks in common."""
     sets = []
-    for pair in pairs:
+    for pair in track(pairs, "pairs of frames"):
         shared = np.flatnonzero(visible[:, pair].all(axis=1))
         if len(shared) < MIN_SHARED_TRACKS:
             continue

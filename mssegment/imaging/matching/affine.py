@@ -29,6 +29,7 @@ from mssegment.imaging.matching.support import (
 from mssegment.imaging.pictures import GreyPicture
 from mssegment.imaging.pyramid import FACTOR, size_unit
 from mssegment.neighbours import pairs_within
+from mssegment.progress import track
 from mssegment.records import Corners, Floats, Record, Tracks
 
 RATIO = 0.85
@@ -126,7 +127,7 @@ def match(
     """
     first, second = two_views(pictures, corners)
     found = _confirmed(_descriptor_matches(first, second, ratio, correlation))
-    for number in range(1, rounds + 1):
+    for number in track(range(1, rounds + 1), "rounds"):
         found = _confirmed(found.joined_with(_grow(first, second, found, number, correlation)))
         if not (found.grown_in == number).any():
             break

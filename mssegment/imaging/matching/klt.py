@@ -18,6 +18,7 @@ from mssegment.imaging.matching.photometric import (
 )
 from mssegment.imaging.pictures import GreyPicture
 from mssegment.neighbours import nearest
+from mssegment.progress import track
 from mssegment.records import Corners, Floats, Record, Tracks
 
 Bytes = npt.NDArray[np.uint8]
@@ -95,7 +96,7 @@ def match(
     search = _Search(window, levels, return_error)
     change = stretched_contrast(pictures[0])
     before = change.undo(pictures[0])
-    for frame in range(1, count):
+    for frame in track(range(1, count), "frames"):
         picture = pictures[frame]
         live = np.flatnonzero(np.isfinite(tracks[:, frame - 1, 0]))
         starts = tracks[live, frame - 1]

@@ -9,6 +9,7 @@ import numpy as np
 from mssegment import models
 from mssegment.errors import DataError
 from mssegment.models import Flags
+from mssegment.progress import track
 from mssegment.records import (
     NOT_JUDGED,
     OUTLIER,
@@ -119,7 +120,7 @@ def cluster_by_consensus(
         return _cluster_static(points, sets, tracks, (least, motions or len(points)))
     bounds = least, motions if motions else max(least, MAX_MOTIONS)
     misfits, coassociations = Misfit(points), CoassociationAccumulator(len(points))
-    for one in sets:
+    for one in track(sets, "sets of hypotheses"):
         observed_set = ObservedSet.of(points, one)
         squared = observed_set.ranking_sq_residuals()
         misfits.add(observed_set, squared)

@@ -16,6 +16,7 @@ from itertools import combinations_with_replacement
 import numpy as np
 
 from mssegment.models import Flags
+from mssegment.progress import track
 from mssegment.records import Floats, Integers
 from mssegment.segmentation.mdl.candidates import Candidates, concatenate
 from mssegment.segmentation.mdl.description import Description
@@ -73,7 +74,7 @@ def look_ahead(pool: Candidates, description: Description) -> Candidates:
 def improve(current: Candidates, pool: Candidates, description: Description) -> Candidates:
     """Change the set by the best move until no move shortens the description."""
     current, best = refitted(current, description)
-    for _ in range(MAX_MOVES):
+    for _ in track(iter(range(MAX_MOVES)), "changes"):
         better = best_of(neighbouring_sets(current, pool, description), best, description)
         if better is None:
             better = best_of(model_changes(current, description), best, description)
