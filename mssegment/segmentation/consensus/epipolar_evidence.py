@@ -31,6 +31,10 @@ SCALE_ROUNDS = 8
 """Rounds of the most likely scale of a Student t distribution."""
 FITTED_TRACKS = 300
 """Of larger groups the geometry is fitted to so many tracks, evenly spread; all are predicted."""
+NORMALIZER = (
+    math.lgamma(FREEDOM / 2) - math.lgamma((FREEDOM + 1) / 2) + 0.5 * math.log(FREEDOM * math.pi)
+)
+"""Negative logarithm of the Student t density of scale 1 at 0."""
 MODELS = (
     (affine_epipolar_residuals, AFFINE_MATCHES),
     (fundamental_residuals, FUNDAMENTAL_MATCHES),
@@ -99,21 +103,18 @@ class EpipolarEvidence:
                 self.noise[rows] = max(TO_DEVIATION * typical, LEAST_NOISE)
         self._cache = {}
 
-    def residuals(self, group: Integers) -> list[Floats]:
-        """Leave-one-out residuals [pairs, p] of a group by each model, pixels.
+    def residuals(self, tracks: Integers, members: Flags | None = None) -> list[Floats]:
+        """Residuals [pairs, p] of tracks by each model, pixels; leave-one-out for the members.
 
-        NaN where a track is not visible, or where too few tracks are for a fit.
+        NaN where a track is not visible, or where too few members are for a fit. The geometry is
+        fitted to the ``members`` [p] among the ``tracks`` [p], by default to all.
         """
-        seen = self._seen[:, group]
-        used = seen
-        if len(group) > FITTED_TRACKS:
-            fitted = np.zeros(len(group), dtype=bool)
-            fitted[np.linspace(0, len(group) - 1, FITTED_TRACKS).round().astype(int)] = True
-            used = seen & fitted
+        seen = self._seen[:, tracks]
+        used = seen & _spread_out(np.ones(len(tracks), dtype=bool) if members is None else members)
         # only the columns of visible tracks: incomplete ones are not in most pairs
         columns = np.argsort(~seen, axis=1, kind="stable")[:, : seen.sum(axis=1).max(initial=1)]
         every = np.arange(len(seen))[:, None]
-        matches = self._matches[every, group[columns]].transpose(0, 2, 1).copy()
+        matches = self._matches[every, tracks[columns]].transpose(0, 2, 1).copy()
         used, shown = used[every, columns], seen[every, columns]
         counts = used.sum(axis=1)
         found = []
@@ -131,22 +132,43 @@ class EpipolarEvidence:
         """The evidence of a group, sorted indices of tracks [p], by the cheaper model."""
         key = group.tobytes()
         if key not in self._cache:
-            seen = self._seen[:, group]
-            found = [self._described(errors, seen) for errors in self.residuals(group)]
-            self._cache[key] = min(found, key=lambda one: one.cost)
+            seen, every = self._seen[:, group], np.ones(len(group), dtype=bool)
+            found = [
+                (float(self._code(errors, seen, every).sum()), errors)
+                for errors in self.residuals(group)
+            ]
+            cost, errors = min(found, key=lambda one: one[0])
+            relative = np.where(np.isnan(errors), UNPREDICTED, errors) / self.noise[:, None]
+            squared = np.where(seen, relative**2, 0.0).sum(axis=0)
+            misfit = 0.5 * np.log((squared + 1) / (seen.sum(axis=0) + 1))
+            self._cache[key] = GroupEvidence(cost, misfit)
         return self._cache[key]
 
-    def _described(self, errors: Floats, seen: Flags) -> GroupEvidence:
-        """By the residuals of one model [pairs, p], where the tracks are ``seen``."""
-        predicted = ~np.isnan(errors)
-        cost = math.log(UNPREDICTED) * float((seen & ~predicted).sum())
+    def code_lengths(self, group: Integers) -> Floats:
+        """Nats [P] to describe the residuals of each track by the geometry of a group."""
+        tracks = np.arange(self._seen.shape[1])
+        members = np.isin(tracks, group)
+        codes = [
+            self._code(errors, self._seen, members) for errors in self.residuals(tracks, members)
+        ]
+        return min(codes, key=lambda code: float(code[members].sum()))
+
+    def _code(self, errors: Floats, seen: Flags, members: Flags) -> Floats:
+        """Nats [p] to describe the residuals [pairs, p]; the ``members`` determine the scales.
+
+        By the most likely Student t distribution of each gap, no narrower than the noise.
+        """
+        nats = np.where(seen, math.log(UNPREDICTED), 0.0)
         for rows in self._gaps:
-            values = errors[rows][predicted[rows]]
-            if len(values):
-                cost += _student_t_cost(values, float(self.noise[rows[0]]))
-        relative = np.where(predicted, errors, UNPREDICTED) / self.noise[:, None]
-        squared = np.where(seen, relative**2, 0.0).sum(axis=0)
-        return GroupEvidence(cost, 0.5 * np.log((squared + 1) / (seen.sum(axis=0) + 1)))
+            own = errors[rows][:, members]
+            own = own[~np.isnan(own)]
+            if len(own):
+                scale_sq = _student_t_scale_sq(own, float(self.noise[rows[0]]))
+                constant = NORMALIZER + 0.5 * math.log(scale_sq)
+                tails = np.log1p(errors[rows] ** 2 / (FREEDOM * scale_sq))
+                code = constant + (FREEDOM + 1) / 2 * tails
+                nats[rows] = np.where(np.isnan(code), nats[rows], code)
+        return np.asarray(nats.sum(axis=0))
 
     def growth(self, first: Integers, second: Integers) -> float:
         """How much worse the geometry of the union predicts two groups than their own does.
@@ -168,17 +190,21 @@ class EpipolarEvidence:
         return labels + sum(self.of(group).cost for group in groups)
 
 
-def _student_t_cost(values: Floats, least: float) -> float:
-    """Negative log likelihood of residuals under the most likely Student t distribution about 0.
+def _spread_out(members: Flags) -> Flags:
+    """``FITTED_TRACKS`` of the members [p], evenly spread; all where they are fewer."""
+    chosen = np.flatnonzero(members)
+    if len(chosen) <= FITTED_TRACKS:
+        return members
+    fitted = np.zeros(len(members), dtype=bool)
+    fitted[chosen[np.linspace(0, len(chosen) - 1, FITTED_TRACKS).round().astype(int)]] = True
+    return fitted
 
-    Its scale is at least ``least``.
-    """
+
+def _student_t_scale_sq(values: Floats, least: float) -> float:
+    """The most likely squared scale of a Student t distribution about 0, at least ``least``^2."""
     squared = values**2
     scale_sq = max(float(np.median(squared)), least**2)
     for _ in range(SCALE_ROUNDS):
         weights = student_t_weights(squared / scale_sq, FREEDOM, 1)
         scale_sq = max(float(weights @ squared) / len(squared), least**2)
-    constant = math.lgamma((FREEDOM + 1) / 2) - math.lgamma(FREEDOM / 2)
-    constant -= 0.5 * math.log(FREEDOM * math.pi * scale_sq)
-    tails = float(np.log1p(squared / (FREEDOM * scale_sq)).sum())
-    return (FREEDOM + 1) / 2 * tails - len(values) * constant
+    return scale_sq

@@ -66,6 +66,10 @@ class Joinedness:
         root = np.sqrt(np.maximum(np.diagonal(mean), 1e-12))
         return np.asarray(mean / (root[:, None] * root))
 
+    def agreement_of_tracks(self, groups: Sequence[Integers]) -> Floats:
+        """Mean agreement of each track with each group, [groups, P]."""
+        return np.stack([self._mean[:, group].mean(axis=1) for group in groups])
+
     def most_joined(
         self, groups: Sequence[Integers], pairs: Sequence[tuple[int, int]]
     ) -> tuple[float, tuple[int, int]]:

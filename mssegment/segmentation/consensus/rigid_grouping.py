@@ -15,6 +15,7 @@ from itertools import combinations
 
 import numpy as np
 
+from mssegment.geometry.robust import hard_em
 from mssegment.records import Floats, Integers, Record
 from mssegment.segmentation.consensus.coassociation import Coassociation
 from mssegment.segmentation.consensus.epipolar_evidence import EpipolarEvidence
@@ -29,6 +30,11 @@ JOINED = 1 / 8
 """Two groups are one object if their joinedness is above this."""
 SPARE = 2
 """The finest start has at least so many groups more than there may be motions."""
+REFINEMENT_ROUNDS, MAX_REFINED_SHARE, MIN_REFINED_SIZE = 3, 0.1, 8
+"""Rounds of refinement, the largest share of the labels that it may change, and the smallest group
+that it may leave."""
+LEAST_AGREEMENT = 1e-3
+"""Agreement that tracks have by chance."""
 LARGE = 12
 """Smaller groups are joined with others first; they are too small for a fit of their own."""
 
@@ -78,7 +84,7 @@ class RigidGrouping:
         bounds: tuple[int, int],
         rng: np.random.Generator,
     ) -> None:
-        self._size, self._least = len(points), bounds[0]
+        self._size, self._least, self._pairs = len(points), bounds[0], len(pairs)
         spare = max(bounds[1] - (max(PIECES) - SPARE), 0)
         pieces = [size + spare for size in PIECES]
         means = [kind.mean for kind in kinds.values()]
@@ -99,9 +105,29 @@ class RigidGrouping:
     def best(self, groups: int) -> Integers:
         """The partition into ``groups`` with the shortest description, labels 0, 1, ... [P]."""
         labels = np.zeros(self._size, dtype=np.int64)
-        for label, group in enumerate(self._candidate(groups).groups):
+        found = self._candidate(groups).groups
+        for label, group in enumerate(found):
             labels[group] = label
-        return labels
+        return self._refined(labels) if len(found) > 1 else labels
+
+    def _refined(self, labels: Integers) -> Integers:
+        """The labels after each track has joined the group that describes it with fewest nats.
+
+        That is its residuals from the geometry of the group, the planes that it shares with the
+        group in each frame pair, and the share of the group. Not taken where too many tracks
+        change, or a group becomes too small.
+        """
+
+        def costs(members: Floats) -> Floats:
+            groups = [np.flatnonzero(row) for row in members]
+            codes = np.stack([self._evidence.code_lengths(group) for group in groups])
+            shared = np.log(self._joinedness.agreement_of_tracks(groups) + LEAST_AGREEMENT)
+            shares = np.log(members.mean(axis=1, keepdims=True))
+            return np.asarray(codes - self._pairs * shared - shares)
+
+        found = hard_em(labels, costs, REFINEMENT_ROUNDS, MIN_REFINED_SIZE)
+        similar = found.max() == labels.max() and (found != labels).mean() <= MAX_REFINED_SHARE
+        return found if similar else labels
 
     def count(self, least: int, most: int) -> int:
         """The number of groups: more are made as long as no two of them are joined."""
