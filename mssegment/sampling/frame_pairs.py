@@ -34,6 +34,7 @@ from mssegment.records import (
 from mssegment.sampling.chimeras import log_false_alarms
 from mssegment.sampling.neighbourhoods import nearest_neighbours, random_subset
 from mssegment.sampling.validation import first_test, two_frame_misfit
+from mssegment.sampling.windows import log_false_alarms_in_windows
 
 MAX_GROUPED_TRACKS = 2000
 """Tracks that are sampled and grouped; the cost of grouping is quadratic."""
@@ -124,6 +125,7 @@ def draw_for_consensus(
     partition: Partition
     if static:
         pairs, partition = _long_pairs(frames, lengths), "average_linkage"
+        _check_pairs(visible, pairs)
         sets = _draw_pairs(points, visible, (Affine(),), pairs, HYPOTHESES_PER_LONG_PAIR, rng)
     elif complete.sum() >= max(MIN_COMPLETE_SHARE * tracks.sum(), MIN_SHARED_TRACKS):
         ranks, partition = (4, 3) if rank == "auto" else (rank,), "spectral"
@@ -135,8 +137,12 @@ def draw_for_consensus(
         return Hypotheses("consensus", tuple(sets), partition, log_nfa)
     else:
         pairs, partition = _short_pairs(frames, lengths), "joinedness"
+        _check_pairs(visible, pairs)
+        log_nfa = log_false_alarms_in_windows(points, tracks, rng)
+        visible = visible & ~(log_nfa >= 0)[:, None]
         kinds = (Homography(), Fundamental())
         sets = _draw_pairs(points, visible, kinds, pairs, HYPOTHESES_PER_PAIR, rng)
+        return Hypotheses("consensus", tuple(sets), partition, log_nfa)
     return Hypotheses("consensus", tuple(sets), partition)
 
 
@@ -196,12 +202,16 @@ def _draw_pairs(
             continue
         near = _pair_neighbours(points[shared][:, pair])
         sets += [_draw_set(model, points, shared, near, pair, count, rng) for model in kinds]
-    if not sets:
+    return sets
+
+
+def _check_pairs(visible: Flags, pairs: Sequence[tuple[int, int]]) -> None:
+    """Raise DataError if none of the frame pairs has enough tracks in common."""
+    if not any(visible[:, pair].all(axis=1).sum() >= MIN_SHARED_TRACKS for pair in pairs):
         raise DataError(
             f"no frame pair has {MIN_SHARED_TRACKS} tracks in common; "
             "use longer tracks (match.min_length) or more corners"
         )
-    return sets
 
 
 def _draw_set(

@@ -81,6 +81,11 @@ class EpipolarEvidence:
         self.noise = np.full(len(pairs), LEAST_NOISE)
         self._cache: dict[bytes, GroupEvidence] = {}
 
+    @property
+    def pairs_seen(self) -> Integers:
+        """Number of frame pairs in which each track is visible, [P]."""
+        return np.asarray(self._seen.sum(axis=0), dtype=np.int64)
+
     def measure_noise(self, groups: Sequence[Integers]) -> None:
         """Set the ``noise`` from the residuals of small groups, which hold one motion each.
 

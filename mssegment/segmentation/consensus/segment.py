@@ -34,6 +34,7 @@ from mssegment.segmentation.consensus.label_propagation import (
     propagate_labels,
     tracks_to_group,
 )
+from mssegment.segmentation.consensus.readmission import readmitted
 from mssegment.segmentation.modes import RankedModes, rank_modes
 from mssegment.segmentation.options import SegmentOptions
 from mssegment.segmentation.rank_selection import lowest_adequate_rank
@@ -113,7 +114,9 @@ def _labels(
     rng: np.random.Generator,
 ) -> tuple[Integers, Consensus]:
     """Labels [P] of the eligible tracks, by grouping or propagation; and the groups."""
+    rejected = np.zeros(0, dtype=np.int64)
     if hypotheses.log_nfa is not None:
+        rejected = np.flatnonzero(eligible & (hypotheses.log_nfa >= 0))
         eligible = eligible & ~(hypotheses.log_nfa >= 0)
     grouped = tracks_to_group(eligible, hypotheses.sets)
     among = hypotheses_among(hypotheses, grouped)
@@ -125,6 +128,9 @@ def _labels(
     others = eligible & ~grouped
     if others.any():
         labels[others] = propagate_labels(points[others], points[grouped], found, among)
+    if hypotheses.partition == "joinedness":
+        pairs = sorted({(one.frames[0], one.frames[1]) for one in hypotheses.sets})
+        labels[rejected] = readmitted(points, labels, rejected, pairs)
     return labels, found
 
 
