@@ -89,6 +89,15 @@ class Joinedness:
                 largest, best = joined, (i, j)
         return max(float(largest), 0.0), best
 
+    def bound(self, first: Integers, second: Integers) -> float:
+        """H sqrt(B) of two groups, which J cannot exceed and which needs no fit."""
+        within = float(self.agreement([first, second])[0, 1])
+        return within * self._root_contrast(first, second)
+
+    def __call__(self, first: Integers, second: Integers) -> float:
+        """J of two groups."""
+        return self.bound(first, second) * math.exp(-self._growth(first, second))
+
     def _root_contrast(self, first: Integers, second: Integers) -> float:
         """The root of B, at most 1; 1 for groups too small to have a border."""
         if min(len(first), len(second)) < FEWEST_FOR_BORDER:

@@ -4,8 +4,9 @@ Homographies separate objects, but cut an object with depth; fundamental matrice
 together, but with others that move along its epipolar lines. Spectral partitions of the agreement
 on homographies, and on both, into more pieces than there are objects are starts. From each the two
 groups of largest ``Joinedness`` are joined, again and again. Among the partitions into K groups,
-one from each start, that with the shortest description by epipolar geometry is chosen. There are
-more motions as long as no two groups of the next partition are joined.
+one from each start, that with the shortest description by epipolar geometry is chosen, and each
+track joins the group that describes it best. There are more motions as long as every two groups of
+the next partition are two objects by the split test and by epipolar geometry.
 """
 
 from __future__ import annotations
@@ -21,13 +22,14 @@ from mssegment.segmentation.consensus.coassociation import Coassociation
 from mssegment.segmentation.consensus.epipolar_evidence import EpipolarEvidence
 from mssegment.segmentation.consensus.joinedness import Joinedness
 from mssegment.segmentation.consensus.spectral import embedding, partition, sharpen
+from mssegment.segmentation.consensus.windowed_split import WindowedSplitTest
 
 POWER = 4
 """Power of the agreement that is partitioned."""
 PIECES = (6, 8, 10)
 """Groups of the partitions that are starts."""
 JOINED = 1 / 8
-"""Two groups are one object if their joinedness is above this."""
+"""Groups that are never seen together are two objects if their joinedness is below this."""
 SPARE = 2
 """The finest start has at least so many groups more than there may be motions."""
 REFINEMENT_ROUNDS, MAX_REFINED_SHARE, MIN_REFINED_SIZE = 3, 0.1, 8
@@ -94,8 +96,10 @@ class RigidGrouping:
             starts.append([_groups(partition(vectors, size, rng)) for size in pieces])
         self._evidence = EpipolarEvidence(points, pairs)
         self._evidence.measure_noise([group for start in starts for group in start[0]])
-        planar = next(iter(kinds.values()))
-        self._joinedness = Joinedness(planar, _distances(points), self._evidence)
+        planar, distances = next(iter(kinds.values())), _distances(points)
+        self._joinedness = Joinedness(planar, distances, self._evidence)
+        self._tracks = points, np.asarray(planar.mean, dtype=np.float64), distances
+        self._tests: dict[bool, WindowedSplitTest] = {}
         self._found: dict[int, list[Candidate]] = {}
         for start in (one for of_source in starts for one in of_source):
             for candidate in self._joined(start):
@@ -130,7 +134,7 @@ class RigidGrouping:
         return found if similar else labels
 
     def count(self, least: int, most: int) -> int:
-        """The number of groups: more are made as long as no two of them are joined."""
+        """The number of groups: more are made as long as all of them are apart."""
         groups = least
         while groups < most and self._all_apart(groups + 1):
             groups += 1
@@ -141,7 +145,25 @@ class RigidGrouping:
         if groups not in self._found:
             return False
         found = self._candidate(groups)
-        return found.smallest >= LARGE and found.joinedness < JOINED
+        return found.smallest >= LARGE and self.separation(found.groups) > 1
+
+    def separation(self, groups: Sequence[Integers]) -> float:
+        """R exp(G) of the two groups that are least apart; above 1 all are different objects.
+
+        R says what a split saves over its price, G how much worse one epipolar geometry predicts
+        both. Groups that no window shows together are judged by their joinedness alone.
+        """
+        single = len(groups) == 2
+        if single not in self._tests:
+            self._tests[single] = WindowedSplitTest(*self._tracks, single=single)
+        least = np.inf
+        for pair in combinations(groups, 2):
+            ratio = self._tests[single].ratio(*pair)
+            if ratio is None:
+                least = min(least, JOINED / max(self._joinedness(*pair), 1e-12))
+            elif ratio < least:  # growth is not negative, so that a larger ratio needs no fit
+                least = min(least, ratio * np.exp(self._evidence.growth(*pair)))
+        return float(least)
 
     def _candidate(self, groups: int) -> Candidate:
         """The best partition into ``groups``, or the nearest number that was found."""

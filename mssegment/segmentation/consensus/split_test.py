@@ -82,15 +82,22 @@ class SplitTest:
 
     def ratio(self, first: Integers, second: Integers) -> float:
         """R of two groups, indices of tracks [n] and [m]; above 1 they are two bodies."""
+        return self.saved(first, second) / max(self.price(first, second), 1e-12)
+
+    def saved(self, first: Integers, second: Integers) -> float:
+        """Nats that the descriptions of two groups save over that of their union, at least 0."""
         both = np.concatenate([first, second])
         total = len(both)
-        saved = self.cost(both, total) - self.cost(first, total) - self.cost(second, total)
+        parts = self.cost(first, total) + self.cost(second, total)
+        return max(self.cost(both, total) - parts, 0.0)
+
+    def price(self, first: Integers, second: Integers) -> float:
+        """Nats that a split must save: the motion of the tracks at its border."""
         contrast = 1.0
         if min(len(first), len(second)) >= FEWEST_FOR_BORDER:
             contrast = border_contrast(self._agreement, self._gaps, first, second)
-        border = 2 * np.sqrt(np.pi * total) - np.pi
-        price = border * self.information * np.cbrt(contrast)
-        return float(max(saved, 0.0) / max(price, 1e-12))
+        border = 2 * np.sqrt(np.pi * (len(first) + len(second))) - np.pi
+        return float(border * self.information * np.cbrt(contrast))
 
     def cost(self, group: Integers, total: int) -> float:
         """Description length of a group [n] among ``total`` tracks, nats, up to a constant."""
