@@ -103,6 +103,8 @@ DATASETS: Registry[Any] = Registry(
         "hopkins155": "mssegment.datasets.hopkins155:HOPKINS155",
         "adelaidermf": "mssegment.datasets.adelaidermf:ADELAIDERMF",
         "kt3dmoseg": "mssegment.datasets.kt3dmoseg:KT3DMOSEG",
+        "deeplabcut": "mssegment.datasets.deeplabcut:DEEPLABCUT",
+        "trackmate": "mssegment.datasets.trackmate:TRACKMATE",
         "sightings": "mssegment.datasets.sightings:SIGHTINGS",
         "mot": "mssegment.datasets.mot:MOT",
         "matches": "mssegment.datasets.matches:MATCHES",

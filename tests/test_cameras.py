@@ -118,6 +118,15 @@ FILES: dict[str, tuple[str, Write, tuple[float, ...], bool]] = {
     "opencv json": ("c.json", file_storage(".json"), BROWN, True),
     "opencv, no suffix": ("calibration", file_storage(".yml"), BROWN, True),
     "ros": ("ost.yaml", text(ROS), BROWN, True),
+    "ros topic": (
+        "info.txt",
+        text(
+            f"header:\n  seq: 1\nheight: 480\nwidth: 640\ndistortion_model: plumb_bob\n"
+            f"d: {list(BROWN)}\nk: {K.ravel().tolist()}\nbinning_x: 0\n---\nheader:\n  seq: 2\n"
+        ),
+        BROWN,
+        True,
+    ),
     "kalibr": ("camchain.yaml", text(KALIBR), BROWN[:4], True),
     "euroc": ("sensor.yaml", text(EUROC), BROWN[:4], True),
     "orb-slam": ("o.yaml", text(ORB_SLAM), BROWN, True),

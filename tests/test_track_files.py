@@ -136,6 +136,43 @@ def test_trackmate_has_three_lines_of_headings(points: Floats, tmp_path: Path) -
     assert any("1 positions belong to no track" in note for note in found.notes)
 
 
+def test_trackmate_xml(points: Floats, tmp_path: Path) -> None:
+    particles = "".join(
+        "<particle nSpots='5'>"
+        + "".join(f"<detection t='{f}' x='{x}' y='{y}' z='0'/>" for f, (x, y) in enumerate(track))
+        + "</particle>"
+        for track in points
+    )
+    head = "<?xml version='1.0' encoding='UTF-8'?>"
+    (tmp_path / "t.xml").write_text(f"{head}\n<Tracks spaceUnits='µm'>{particles}</Tracks>")
+    found = datasets.read(tmp_path / "t.xml")
+    np.testing.assert_allclose(found.tracks.points, points)
+    assert found.notes == ("TrackMate: positions in units of µm",)
+
+
+@pytest.mark.parametrize("animals", [False, True])
+def test_deeplabcut(points: Floats, tmp_path: Path, animals: bool) -> None:
+    head = [["scorer"], ["bodyparts"], ["coords"]]
+    for p in range(TRACKS):
+        for row, names in zip(
+            head, (["net"] * 3, [f"part {p}"] * 3, ["x", "y", "likelihood"]), strict=True
+        ):
+            row += names
+    if animals:
+        head.insert(1, ["individuals", *["mouse"] * 3 * TRACKS])
+    body = [
+        [str(f), *(str(v) for p in range(TRACKS) for v in (*points[p, f], 0.1 if p == f else 0.9))]
+        for f in range(FRAMES)
+    ]
+    (tmp_path / "d.csv").write_text("\n".join(",".join(row) for row in [*head, *body]))
+    found = datasets.read(tmp_path / "d.csv")
+    lost = np.isnan(found.tracks.points).all(axis=-1)
+    assert np.argwhere(lost).tolist() == [[i, i] for i in range(FRAMES)]
+    np.testing.assert_allclose(found.tracks.points[~lost], points[~lost])
+    assert found.ids is not None
+    assert found.ids[3] == ("mouse part 3" if animals else "part 3")
+
+
 def test_motchallenge_boxes_are_their_centres(points: Floats, tmp_path: Path) -> None:
     path = tmp_path / "gt.txt"
     rows = sightings(points, "", "{f},{p},{x},{y},10,20,1,-1,-1,-1")
@@ -254,7 +291,8 @@ def test_vectors_by_the_names_of_columns(points: Floats, tmp_path: Path) -> None
     np.savez(tmp_path / "v.npz", **vectors)
     records = [dict(zip(names, row, strict=True)) for row in points[:, :2].reshape(-1, 4).tolist()]
     (tmp_path / "v.json").write_text(json.dumps(records))
-    for name in ("v.mat", "v.npz", "v.json"):
+    (tmp_path / "v.jsonl").write_text("\n".join(map(json.dumps, records)))
+    for name in ("v.mat", "v.npz", "v.json", "v.jsonl"):
         np.testing.assert_array_equal(datasets.read(tmp_path / name).tracks.points, points[:, :2])
 
 
@@ -361,6 +399,16 @@ def test_tracks_of_opencv(tmp_path: Path, rng: np.random.Generator) -> None:
         ("t.npy", b"\x93NUMPY\1\0", "damaged numpy file"),
         ("t.db", b"SQLite format 3\0" + bytes(100), "database"),
         ("t.csv", b"", "empty"),
+        ("t.csv", b"x1,y1,x2,y2\n", "0 tracks over 2 frames"),
+        ("t.xml", b"<a><b></a>", "not XML"),
+        ("t.html", b"<!DOCTYPE html><p>", "HTML"),
+        (
+            "t.pkl",
+            b"\x80\x04\x95abc",
+            "a Python pickle .which may run any code.,",
+        ),
+        ("t.parquet", b"PAR1abc", "a Parquet file, which is not read"),
+        ("det.txt", b"1,-1,5,6,10,20,0.9\n1,-1,8,6,10,20,0.8\n", "belong to no track"),
     ],
 )
 def test_what_cannot_be_read_says_what_it_is(

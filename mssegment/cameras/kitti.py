@@ -9,7 +9,7 @@ import numpy as np
 from mssegment.cameras.base import CameraFile, CameraFormat, camera_of_matrix
 from mssegment.records import Camera, Floats
 
-_ENTRY = re.compile(r"^(\w+):((?:\s+[-+.\deE]+)+)\s*$", re.M)
+_ENTRY = re.compile(r"^(P\w*|K_\w*|D_\w*|S_\w*):((?: +[-+]?[\d.]+(?:[eE][-+]?\d+)?)+) *$", re.M)
 _CAMERA = re.compile(r"P\d|P_rect_\d\d|K_\d\d|P_rect_cam\d")
 
 

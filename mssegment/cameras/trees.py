@@ -34,7 +34,8 @@ def of_yaml(text: str, name: str) -> dict[str, Any]:
     # OpenCV writes `key:value` without a blank in old versions
     plain = "\n".join(re.sub(r"^(\s*[A-Za-z_][\w.]*):(?=[\d.+-])", r"\1: ", line) for line in lines)
     try:
-        found = yaml.load(plain, Loader=Loader)
+        # `rostopic echo` ends each message with a line of dashes
+        found = next(iter(yaml.load_all(plain, Loader=Loader)), None)
     except yaml.MarkedYAMLError as error:
         if not re.search(r"^\s*[A-Za-z_][\w.]*\s*:", text, re.M):
             return {}  # not meant as YAML

@@ -188,7 +188,8 @@ def check_points(points: Floats, where: str) -> None:
     tracks, frames = points.shape[:2]
     if tracks < 1 or frames < 2:
         raise DataError(
-            f"{where}: {tracks} tracks over {frames} frames; expected at least 1 track and 2 frames"
+            f"{where}: {tracks} track{'s' * (tracks != 1)} over {frames} "
+            f"frame{'s' * (frames != 1)}; expected at least 1 track and 2 frames"
         )
     wild = np.abs(np.nan_to_num(points, nan=0.0)) > LARGEST_COORDINATE
     if wild.any():

@@ -14,6 +14,17 @@ Variables = Mapping[str, Any]
 """The content of a file by name: variables, arrays, columns or tables."""
 
 
+_REFUSED = {
+    b"PAR1": "a Parquet file",
+    b"\xd0\xcf\x11\xe0": "an Excel workbook",
+    b"\x80\x02": "a Python pickle (which may run any code)",
+    b"\x80\x03": "a Python pickle (which may run any code)",
+    b"\x80\x04": "a Python pickle (which may run any code)",
+    b"\x80\x05": "a Python pickle (which may run any code)",
+}
+"""The first bytes of files that are known and not read."""
+
+
 class InputFile:
     """An opened file of tracks.
 
@@ -84,7 +95,11 @@ def container_of(name: str, content: bytes) -> str:
         return "database"
     if name.lower().endswith(".mat"):
         return "matlab"
+    if any(content.startswith(magic) for magic in _REFUSED):
+        return "refused"
     start = content[:200].removeprefix(b"\xef\xbb\xbf").lstrip()
+    if start[:1] == b"<":
+        return "xml"
     return "json" if start[:1] in (b"{", b"[") else "table"
 
 
@@ -132,9 +147,23 @@ def _table(file: InputFile) -> Variables:
     return read_table(file.content, file.name)
 
 
+def _refused(file: InputFile) -> Variables:
+    kind = next(kind for magic, kind in _REFUSED.items() if file.content.startswith(magic))
+    raise DataError(
+        f"{file.name}: {kind}, which is not read; save the tracks as CSV, or an array "
+        "[tracks, frames, 2] with numpy.save or numpy.savez"
+    )
+
+
+def _xml(file: InputFile) -> Variables:
+    from mssegment.datasets.trackmate import load_xml
+
+    return load_xml(file)
+
+
 def _json(file: InputFile) -> Variables:
     try:
-        found = json.loads(file.content.decode("utf-8-sig"))
+        found = _parsed(file.content.decode("utf-8-sig"))
     except (UnicodeDecodeError, ValueError, RecursionError) as error:
         raise DataError(f"{file.name}: not JSON ({error}); expected tracks") from None
     if isinstance(found, dict):
@@ -147,6 +176,17 @@ def _json(file: InputFile) -> Variables:
     return {"": found}
 
 
+def _parsed(text: str) -> Any:
+    """JSON, or a list of JSON lines."""
+    try:
+        return json.loads(text)
+    except json.JSONDecodeError as error:
+        lines = [line for line in text.splitlines() if line.strip()]
+        if "Extra data" not in error.msg or len(lines) < 2:
+            raise
+        return [json.loads(line) for line in lines]
+
+
 CONTAINERS: dict[str, Callable[[InputFile], Variables]] = {
     "table": _table,
     "numpy": _numpy,
@@ -154,5 +194,7 @@ CONTAINERS: dict[str, Callable[[InputFile], Variables]] = {
     "hdf5": _hdf5,
     "json": _json,
     "database": _database,
+    "xml": _xml,
+    "refused": _refused,
 }
 """The kinds of files, and how the content of each is read."""

@@ -27,15 +27,15 @@ def recognises(columns: Variables) -> bool:
     return bool(
         len(values)
         and (keys == np.round(keys)).all()
-        and (keys >= 0).all()
+        and (keys >= -1).all()
         and (values[:, 4:6] > 0).all()
         and (np.abs(values[:, 6]) <= 1).all()
-        and len(np.unique(keys, axis=0)) == len(keys)
+        and ((keys[:, 1] == -1).all() or len(np.unique(keys, axis=0)) == len(keys))
     )
 
 
 def read(file: InputFile) -> ImportedTracks:
-    """Read the centres of the boxes; raises DataError if a value is not valid.
+    """Read the centres of the boxes; raises DataError if a value is not valid, or all ids are -1.
 
     Boxes that are marked as not to be considered (0 in the seventh column) are left out.
     """
@@ -43,6 +43,11 @@ def read(file: InputFile) -> ImportedTracks:
     assert isinstance(table, Table)
     names = [*_NAMES, "class", "visible_part", "z"][: len(table)]
     named = Table(file.name, dict(zip(names, table.values(), strict=True)), table.lines)
+    if (named.numbers("id") == -1).all():
+        raise DataError(
+            f"{file.name}: detections of MOTChallenge, whose boxes belong to no track (-1); run a "
+            "tracker on them first"
+        )
     considered = named.numbers("considered")
     left_out = np.flatnonzero(considered == 0)
     found = read_sightings(named.without(left_out.tolist()), file)

@@ -13,6 +13,8 @@ import numpy as np
 from mssegment.errors import DataError
 from mssegment.records import Floats
 
+STACKED = "|"
+"""Between the parts of a name of a column that stands in several lines."""
 _SAMPLE = 60
 """Lines from which the separator is determined."""
 _SEPARATORS = ("\t", ";", ",", "|", " ")
@@ -187,6 +189,7 @@ def read_table(content: bytes, name: str) -> Table:
             named = comment[1].replace(",", " ").split()
         if len(named) == len(rows[0][1]):
             rows.insert(0, (comment[0], named))
+    rows = _unstacked(rows)
     has_header = not _is_data(rows[0][1])
     first = rows[0][1]
     names = [cell.strip().lower() for cell in first] if has_header else _numbered(len(first))
@@ -265,6 +268,17 @@ def _is_data(row: Sequence[str]) -> bool:
     """Whether a row holds numbers rather than names: most of its cells do, and the first two."""
     good = [_reads_as_number(cell) or cell.strip().lower() in ("inf", "-inf") for cell in row]
     return sum(good) * 2 > len(row)
+
+
+def _unstacked(rows: list[tuple[int, list[str]]]) -> list[tuple[int, list[str]]]:
+    """DeepLabCut's three or four lines of names as one, without the scorer."""
+    first = [row[0].strip().lower() for _, row in rows[:4]]
+    if first[:1] != ["scorer"] or "coords" not in first:
+        return rows
+    last = first.index("coords")
+    columns = zip(*(row for _, row in rows[1 : last + 1]), strict=False)
+    names = [STACKED.join(cell.strip() for cell in column) for column in columns]
+    return [(rows[last][0], ["frame", *names[1:]]), *rows[last + 1 :]]
 
 
 def _numbered(count: int) -> list[str]:

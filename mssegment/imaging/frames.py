@@ -9,7 +9,7 @@ import os
 from collections import OrderedDict
 from collections.abc import Sequence
 from pathlib import Path
-from typing import overload
+from typing import TYPE_CHECKING, overload
 
 import cv2
 import numpy as np
@@ -19,9 +19,11 @@ from mssegment.imaging import pictures
 from mssegment.imaging.pictures import GreyPicture, RgbPicture, StoredPicture
 from mssegment.imaging.sources import expand
 from mssegment.imaging.stacks import Stack, is_stack
-from mssegment.imaging.videos import Video
 from mssegment.progress import track
 from mssegment.records import Frame, Record, replace
+
+if TYPE_CHECKING:
+    from mssegment.imaging.videos import Video
 
 CACHE_BYTES = 256 * 2**20
 """Decoded pictures are kept up to this many bytes; others are decoded again."""
@@ -72,7 +74,7 @@ class FrameSource:
     ) -> None:
         self.frames = tuple(frames)
         self.notes = notes
-        self._moving: dict[str, Moving] = {}
+        self._moving: dict[str, Video | Stack] = {}
         self._decoded = decoded if decoded is not None else _PictureCache()
         self._white: float | None = None
 
@@ -291,14 +293,15 @@ def frames_in_memory(frames: Sequence[Frame], pixels: Sequence[StoredPicture]) -
     return FrameSource(frames, decoded)
 
 
-Moving = Video | Stack
-
-
-def _moving(path: str) -> Moving:
+def _moving(path: str) -> Video | Stack:
     """The reader of a file with several frames: the frames of a video, or a stack of pictures."""
     with Path(path).open("rb") as file:
         head = file.read(512)
-    return Stack(path) if pictures.looks_like_picture(path, head) else Video(path)
+    if pictures.looks_like_picture(path, head):
+        return Stack(path)
+    from mssegment.imaging.videos import Video  # loads what pictures have no need of
+
+    return Video(path)
 
 
 def is_moving(path: str) -> bool:
