@@ -26,3 +26,18 @@ def rigid_bodies(
         labels += [label] * size
     tracks = np.concatenate(points)
     return tracks + rng.normal(0, noise, tracks.shape), np.array(labels)
+
+
+def perspective_tracks(rng: np.random.Generator, tracks: int, frames: int):
+    """A static scene with depth before a camera that translates and turns, without noise."""
+    depth = rng.uniform(1.0, 3.0, tracks)
+    rays = np.column_stack([rng.uniform(-0.4, 0.4, (tracks, 2)), np.ones(tracks)])
+    scene = rays * depth[:, None]
+    velocity, spin = rng.uniform(-1, 1, 3) * (0.03, 0.03, 0.04), rng.uniform(-0.004, 0.004, 3)
+    cross = np.array([[0, -spin[2], spin[1]], [spin[2], 0, -spin[0]], [-spin[1], spin[0], 0]])
+    seen = []
+    for frame in range(frames):
+        here = scene @ (np.eye(3) + frame * cross + 0.5 * (frame * cross) @ (frame * cross)).T
+        here = here + frame * 10 / frames * velocity
+        seen.append(600 * here[:, :2] / here[:, 2:] + (320, 240))
+    return np.stack(seen, axis=1)

@@ -224,7 +224,7 @@ def test_cluster_follows_the_strategy(scene) -> None:
     [
         ({"granularity": "surface"}, "segment.granularity is surface"),
         ({"selection": "dominance"}, "segment.selection is dominance"),
-        ({"threads": 2}, "--threads is 2"),
+        ({"threads": 2}, "threads is 2"),
     ],
 )
 def test_options_that_consensus_does_not_use_are_errors(scene, change, message: str) -> None:

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from moving_bodies import rigid_bodies
+from moving_bodies import perspective_tracks, rigid_bodies
 
 from mssegment.geometry.flats import local_residuals
-from mssegment.segmentation.consensus.split_test import SplitTest, without_curvature
+from mssegment.segmentation.consensus.split_test import SplitTest
 
 
 def pairwise(points: np.ndarray, labels: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -70,12 +70,11 @@ def test_local_residuals_leave_the_vector_itself_out(rng: np.random.Generator) -
     np.testing.assert_allclose(moved, 0.0, atol=1e-8)
 
 
-def test_curvature_is_taken_out_and_nothing_else(rng: np.random.Generator) -> None:
-    place = rng.uniform(-100, 100, (60, 2))
-    place -= place.mean(axis=0)
-    level = rng.normal(size=(60, 3)) @ rng.normal(size=(3, 6))
-    noisy = level + rng.normal(0, 0.01, level.shape)
-    bend = (place**2 @ [1e-3, 2e-3])[:, None] * np.array([0.0, 0.0, 0.0, 1.0, 0.0, -2.0])
-    assert np.abs(bend).max() > 20
-    np.testing.assert_allclose(without_curvature(noisy + bend, place, 1.0), level, atol=0.1)
-    np.testing.assert_allclose(without_curvature(noisy, place, 1.0), level, atol=0.1)
+@pytest.mark.parametrize("frames", [4, 10])
+def test_halves_of_one_object_under_strong_perspective_are_one(frames: int) -> None:
+    points = perspective_tracks(np.random.default_rng(8), tracks=120, frames=frames)
+    points = points + np.random.default_rng(9).normal(0, 0.2, points.shape)
+    place = points.mean(axis=1)
+    left = place[:, 0] < np.median(place[:, 0])
+    test = SplitTest(points, *pairwise(points, np.zeros(120)), single=False)
+    assert test.ratio(np.flatnonzero(left), np.flatnonzero(~left)) < 1

@@ -1,16 +1,20 @@
 """Are two groups of complete tracks two bodies? A split must pay for its border.
 
-A body is a Student t distribution in the leading principal components of the tracks. Two groups are
-two bodies when describing them apart saves more than the motion of the tracks on their border:
-where one body is cut in two, the tracks along the cut are described as well by either side, and
-what the split saves is no more than what is known about those tracks. The ratio of both is
+A body is a Student t distribution of tracks, which are described by their mean places and the
+leading principal components of their motion. Two groups are two bodies when describing them apart
+saves more than the motion of the tracks on their border: where one body is cut in two, the tracks
+along the cut are described as well by either side, and what the split saves is no more than what is
+known about those tracks. The ratio of both is
 
     R = [L(A and B) - L(A) - L(B)] / [(2 sqrt(pi n) - pi) I contrast^(1/3)],
 
 with description lengths L in nats, n tracks, of which 2 sqrt(pi n) - pi lie on the border of a
-disc in a square grid, and I the information about the motion of one track, the sum over the
-components from the third on of 1/2 ln(1 + lambda / (2 sigma)^2). The noise sigma is measured.
-Groups are apart if R > 1.
+disc in a square grid, and I the information about the motion of one track beyond an affine map of
+the picture, the sum over the components of 1/2 ln(1 + lambda / (2 sigma)^2). The noise sigma is
+measured. Groups are apart if R > 1.
+
+Perspective bends the flat of a rigid body. A group is described as an affine camera sees it, or
+with the perspective taken out, whichever is shorter.
 """
 
 from __future__ import annotations
@@ -18,16 +22,16 @@ from __future__ import annotations
 import numpy as np
 
 from mssegment.geometry.flats import extent, local_residuals
-from mssegment.geometry.robust import StudentTFit, geman_mcclure_weights
+from mssegment.geometry.projective_flats import without_perspective
+from mssegment.geometry.robust import StudentTFit
 from mssegment.records import Floats, Integers
 from mssegment.segmentation.consensus.border import border_contrast
 
 FREEDOM = 5.0
 """Degrees of freedom of the Student t distribution."""
-COMPONENTS = 12
-"""Leading principal components of the tracks; a body spans 3, its perspective a few more."""
-PLACE_COMPONENTS = 2
-"""The first components are the places of the tracks, which say nothing about their motion."""
+COMPONENTS = 10
+"""Leading principal components of the motion; a body spans 3 with its places, perspective a few
+more."""
 NOISE_UNIT = 2.0
 """The motion of a track is known to so many standard deviations of the noise."""
 LEAST_SPREAD = 1 / 320
@@ -36,9 +40,9 @@ pixel where they spread over a picture of 640."""
 MISFIT_FACTORS = {True: 3.0, False: 1.0}
 """Weight of the correlated misfit of one body (perspective, drift) in the least spread: three
 standard deviations for the decision whether there is more than one body, else one."""
-CURVED = 14
-"""Smaller groups are not described with a quadratic surface, which has six coefficients."""
-CURVATURE_ROUNDS = 6
+FEWEST_FOR_PERSPECTIVE = 14
+"""Smaller groups are described as an affine camera sees them: with a depth for each track and a
+linear form for each frame, they fit anything."""
 FEWEST_FOR_BORDER = 5
 """Groups of fewer tracks have no border to speak of."""
 
@@ -59,25 +63,23 @@ class SplitTest:
             Whether the decision is that between one body and several.
         """
         self._agreement, self._gaps = agreement, gaps
+        self._points = points
         vectors = points.reshape(len(points), -1)
-        centred = vectors - vectors.mean(axis=0)
-        values, directions = np.linalg.eigh(centred.T @ centred / len(centred))
-        directions = directions[:, : -COMPONENTS - 1 : -1]
-        variances = np.maximum(values[: -COMPONENTS - 1 : -1], 0.0)
+        self._middle = vectors.mean(axis=0)
+        centred = vectors - self._middle
+        self._directions, variances = _place_and_motion(centred, points.shape[1])
+        self._components = centred @ self._directions
         misfits = local_residuals(vectors)
         free = max(vectors.shape[1] - 3, 1)
         noise = float(np.median(np.linalg.norm(misfits, axis=1) / np.sqrt(free)))
         self.noise = max(noise, 1e-9 * extent(points))
-        in_components = (misfits @ directions)[:, PLACE_COMPONENTS:]
-        correlated = float(np.median(np.sqrt((in_components**2).mean(axis=1))))
+        of_motion = (misfits @ self._directions)[:, 2:]
+        correlated = float(np.median(np.sqrt((of_motion**2).mean(axis=1))))
         systematic = np.sqrt(max(correlated**2 - self.noise**2, 0.0))
         least = float(np.hypot(self.noise, MISFIT_FACTORS[single] * systematic))
         self._least_spread = max(LEAST_SPREAD * extent(points), least)
-        motion = variances[PLACE_COMPONENTS:] / (NOISE_UNIT * self.noise) ** 2
-        self.information = float(0.5 * np.log1p(motion).sum())
-        self._components = centred @ directions
-        place = points.mean(axis=1)
-        self._place = place - place.mean(axis=0)
+        resolved = variances / (NOISE_UNIT * self.noise) ** 2
+        self.information = float(0.5 * np.log1p(resolved).sum())
         self._costs: dict[bytes, float] = {}
 
     def ratio(self, first: Integers, second: Integers) -> float:
@@ -107,12 +109,17 @@ class SplitTest:
         return self._costs[key] - len(group) * float(np.log(len(group) / total))
 
     def _described(self, group: Integers) -> float:
-        """Without the labels: the cheaper of a flat and of a curved body."""
-        flat = self._student_t_cost(self._components[group])
-        if len(group) < CURVED:
-            return flat
-        level = without_curvature(self._components[group], self._place[group], self._least_spread)
-        return min(flat, self._student_t_cost(level))
+        """Without the labels: the shorter description, by an affine or a perspective camera."""
+        affine = self._student_t_cost(self._components[group])
+        if len(group) < FEWEST_FOR_PERSPECTIVE:
+            return affine
+        level = without_perspective(self._points[group], self._least_spread)
+        vectors = level.reshape(len(group), -1) - self._middle
+        components = vectors @ self._directions
+        # three numbers for each frame that the components of the motion can tell apart
+        forms = 3 * min(level.shape[1] - 1, components.shape[1] // 2 - 1)
+        price = float(0.5 * forms * np.log(len(group)))
+        return min(affine, price + self._student_t_cost(components))
 
     def _student_t_cost(self, components: Floats) -> float:
         """Of the tracks [n, D] and, as the Fisher information prices it, of the distribution.
@@ -131,24 +138,17 @@ class SplitTest:
         return 0.5 * float(tails.sum() + count * fitted.log_det[0] + price)
 
 
-def without_curvature(components: Floats, place: Floats, scale: float) -> Floats:
-    """Components [n, D] of a group less what is quadratic in the mean place of its tracks.
+def _place_and_motion(centred: Floats, frames: int) -> tuple[Floats, Floats]:
+    """Directions [2F, D] of the tracks, and the variances [D - 2] of the motion that is left.
 
-    Perspective bends the flat of a body. The components from the fourth on are regressed robustly
-    on 1, the first three, and x^2, xy, y^2 of ``place`` [n, 2]; only the quadratic part is taken
-    out. ``scale`` is the residual (pixels) that is noise.
+    The first two directions are the mean place, the others the leading principal components of the
+    motion about it. The variances are those of the motion less an affine map of the place.
     """
-    here = place - place.mean(axis=0)
-    x, y = here[:, 0], here[:, 1]
-    quadratic = np.stack([x * x, x * y, y * y], axis=1)
-    bases = np.concatenate([np.ones((len(here), 1)), components[:, :3], quadratic], axis=1)
-    bases = bases / np.maximum(np.abs(bases).max(axis=0), 1e-300)
-    target = components[:, 3:]
-    weights = np.ones(len(here))
-    for _ in range(CURVATURE_ROUNDS):
-        root = np.sqrt(weights)[:, None]
-        coefficients = np.linalg.lstsq(root * bases, root * target, rcond=None)[0]
-        squared = ((target - bases @ coefficients) ** 2).sum(axis=1)
-        weights = geman_mcclure_weights(squared, 4 * float(np.median(squared)) + scale**2)
-    level = target - bases[:, -3:] @ coefficients[-3:]
-    return np.concatenate([components[:, :3], level], axis=1)
+    place = np.tile(np.eye(2), (frames, 1)) / np.sqrt(frames)
+    motion = centred - centred @ place @ place.T
+    count = min(COMPONENTS, motion.shape[1] - 2)
+    leading = np.linalg.eigh(motion.T @ motion)[1][:, : -count - 1 : -1]
+    in_place, in_motion = centred @ place, motion @ leading
+    rest = in_motion - in_place @ np.linalg.lstsq(in_place, in_motion, rcond=None)[0]
+    variances = np.linalg.eigvalsh(rest.T @ rest / len(rest))
+    return np.concatenate([place, leading], axis=1), np.maximum(variances, 0.0)
