@@ -103,12 +103,14 @@ def like_walks(points: Floats, rng: np.random.Generator) -> Flags:
     walks = flats.residuals_of(samples)
     good = float(np.quantile(own, GOOD_TRACKS))
     poor = own > max(float(np.quantile(walks, TAIL)), WALK_RESIDUAL * good)
-    moves_along = own / _spread(points) <= np.quantile(walks / _spread(samples), LUCKY_WALKS)
+    moves_along = own / spread_of_tracks(points) <= np.quantile(
+        walks / spread_of_tracks(samples), LUCKY_WALKS
+    )
     smooth = own > WALK_RESIDUAL * _jitter(points)
     return np.asarray(poor & ~(moves_along & smooth))
 
 
-def _spread(points: Floats) -> Floats:
+def spread_of_tracks(points: Floats) -> Floats:
     """Root mean square distance of tracks [P, F, 2] from their mean positions, [P]."""
     squared = (points - points.mean(axis=1, keepdims=True)) ** 2
     return np.asarray(np.sqrt(squared.sum(axis=2).mean(axis=1)) + 1e-12)

@@ -36,6 +36,7 @@ from mssegment.segmentation.consensus.coassociation import (
 from mssegment.segmentation.consensus.model_order import SpectralClustering
 from mssegment.segmentation.consensus.outliers import second_test
 from mssegment.segmentation.consensus.rigid_grouping import RigidGrouping
+from mssegment.segmentation.consensus.walk_test import walk_test
 
 MAX_MOTIONS = 8
 """Maximum number of motions, unless their number is given."""
@@ -201,6 +202,7 @@ def _cluster_complete(
     joined = _join(local, partial, complete, labels)
     grouped, labels = np.concatenate([complete, partial]), np.concatenate([labels, joined])
     labels[second_test(points[grouped], misfit[grouped], labels, factor)] = OUTLIER
+    labels[walk_test(points[grouped], labels, rng)] = OUTLIER
     return grouped, labels
 
 
