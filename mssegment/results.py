@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from mssegment.configuration import Configuration
-from mssegment.documents import SegmentationDocument, write_bytes
+from mssegment.documents import Document, SegmentationDocument, write_bytes
 from mssegment.errors import DataError
 from mssegment.pipeline import straight
 from mssegment.records import Record, field, replace
@@ -143,7 +143,7 @@ class FramePictures:
     any (AdelaideRMF).
     """
 
-    def __init__(self, document: SegmentationDocument, source: FrameSource | None) -> None:
+    def __init__(self, document: Document, source: FrameSource | None = None) -> None:
         self._frames = document.frames
         self._imported = _is_file_of_tracks(document)
         self._red_first: Callable[[int], Picture | None] | None = None
@@ -176,7 +176,7 @@ class FramePictures:
         return lambda index: pictures[index] if index < len(pictures) else None
 
 
-def _is_file_of_tracks(document: SegmentationDocument) -> bool:
+def _is_file_of_tracks(document: Document) -> bool:
     """Whether the frames are those of a file of tracks, and not pictures."""
     if not document.frames or not any(entry.stage == "import" for entry in document.history):
         return False

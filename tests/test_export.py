@@ -255,3 +255,12 @@ def test_masks_without_pictures_are_refused():
     with pytest.raises(DataError, match="masks need the picture of every frame"):
         dict(mask_files(report))
     assert picture(0).shape == (240, 320, 3)
+
+
+def test_masks_of_tracks_without_pictures_are_refused_before_the_work(tmp_path, capsys):
+    table = tmp_path / "m.csv"
+    table.write_text("x1,y1,x2,y2\n" + "".join(f"{i},{i * i % 97},{i + 5},9\n" for i in range(60)))
+    out = tmp_path / "out"
+    assert invoke(["run", str(table), "--masks", "--out", str(out)]) == 2
+    assert "no pictures of these tracks; name those" in capsys.readouterr().err
+    assert not out.exists()

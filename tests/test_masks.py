@@ -140,3 +140,35 @@ def test_regions_need_a_track_and_holes_are_filled():
     kept = with_tracks(labels, [np.array([[3, 3]])])
     assert (kept[2:10, 2:10] == 1).all()
     assert (kept[14:18, 14:18] == 0).all()
+
+
+def test_frames_of_two_sizes_have_masks_of_their_own_size(rng):
+    pictures, points, labels, truth = translated_square(rng)
+    enlarged = cv2.resize(pictures[1], (390, 300))
+    points[:, 1] = (points[:, 1] + 0.5) * 1.5 - 0.5
+    frames = [FRAMES[0], Frame("2.png", 390, 300)]
+    source = [pictures[0], enlarged]
+    first, second = label_pixels(points, labels, frames, source.__getitem__, camera_motion=1)
+    assert (first.shape, second.shape) == ((200, 260), (300, 390))
+    assert jaccard(first == 2, truth) > 0.85
+
+
+def test_a_plain_world_with_few_tracks_is_not_the_object_nearest_to_it(rng):
+    pictures, points, labels, truth = translated_square(rng, world=(0, 0))
+    plain = [
+        np.where(truth_of(step)[..., None], p, 90).astype(np.uint8)
+        for step, p in enumerate(pictures)
+    ]
+    corners = np.flatnonzero((labels == 1) & (np.abs(points[:, 0] - (130, 100)) > (115, 85)).any(1))
+    kept = np.concatenate([np.flatnonzero(labels == 2), corners])
+    tracks, own = points[kept], np.where(labels[kept] == 1, -1, labels[kept])
+    mask = next(label_pixels(tracks, own, FRAMES, plain.__getitem__))
+    assert jaccard(mask == 2, truth) > 0.9
+
+
+def truth_of(step, shift=(9, -4)):
+    """Where the square is in a frame of ``translated_square``."""
+    own = np.zeros((200, 260), dtype=bool)
+    left, top = 80 + step * shift[0], 60 + step * shift[1]
+    own[top : top + 80, left : left + 100] = True
+    return own

@@ -35,7 +35,6 @@ from mssegment.errors import ConfigurationError, UsageError
 if TYPE_CHECKING:
     from mssegment import pipeline
     from mssegment.resources import Timings
-    from mssegment.results import Results
 
 KEYS = (
     "hypothesize.model",
@@ -115,8 +114,13 @@ def command(
 
         check_labels(configuration.report.labels)
     from mssegment.cli.results import claimed_folder
-    from mssegment.results import Results
+    from mssegment.results import FramePictures, Results
 
+    if configuration.report.masks and tracks is not None and FramePictures(tracks)(0) is None:
+        raise UsageError(
+            "--masks: there are no pictures of these tracks; name those that they were made from "
+            "with --images"
+        )
     with claimed_folder(out, force):
         from mssegment import pipeline
         from mssegment.resources import keep_freed_memory
@@ -134,9 +138,10 @@ def command(
             result = pipeline.run(configuration, tracks, threads=threads, on_stage=on_stage)
             progress("report")
             with result.timings.stage("report"):
+                _write_documents(result, out)
                 results = Results.of(result.segmentation, configuration, result.source)
                 results = results.with_masks()
-                names = _write(result, results, out)
+                names = results.write(out)
         _finish(result.timings, names, out, console)
     if profile:
         print(_profile(result.timings), file=sys.stderr)
@@ -234,14 +239,13 @@ def _names_a_schema(path: str) -> bool:
     return b'"mssegment/' in content[:200] or b'"schema"' in content
 
 
-def _write(result: pipeline.Outcome, results: Results, out: str) -> list[str]:
-    """Write the documents and the results; the names of the result files."""
+def _write_documents(result: pipeline.Outcome, out: str) -> None:
+    """Write the document of each stage."""
     from mssegment.documents import write_document
 
     for document in (result.corners, result.tracks, result.hypotheses, result.segmentation):
         if document is not None:
             write_document(str(Path(out) / f"{document.kind}.json"), document)
-    return results.write(out)
 
 
 def _finish(timings: Timings, names: list[str], out: str, console: Console) -> None:

@@ -34,6 +34,11 @@ NOISE = 1e-3
 """Variance of grey values (0 to 1) below which the guided filter takes an area as flat."""
 ROUNDS = 2
 """How often the colours of the labels are learnt anew."""
+WORLD_FAR = 0.5
+"""Nats that the static world gains far from the tracks of all objects, and loses on them: it is
+everywhere, also where it is plain and has no tracks."""
+UNKNOWN_FAR = 2.0
+"""The same for pixels whose motion is not known, where no track shows the static world."""
 SPACING_SHARE = 0.9
 """Quantile of the distances of neighbouring tracks that counts as their spacing."""
 
@@ -71,24 +76,28 @@ def label_pixels(
     DataError
         If a picture is not available.
     """
-    full = [_picture(pictures, index, frame) for index, frame in enumerate(frames)]
-    width, height = frames[0].width, frames[0].height
-    scale = min(1.0, LONG_SIDE / max(width, height))
-    size = (max(1, round(width * scale)), max(1, round(height * scale)))
+    sizes = np.array([(frame.width, frame.height) for frame in frames])
+    scale = min(1.0, LONG_SIDE / int(sizes.max()))
+    reduced = np.maximum(1, np.round(sizes * scale)).astype(np.int64)
     world = camera_motion
     if world is None and (labels == BACKGROUND).any():
         world = BACKGROUND
     motions = [int(label) for label in np.unique(labels[labels > 0]) if label != world]
     scene = Scene(
-        pictures=[_resized(picture, size) for picture in full],
-        points=(points + 0.5) * (np.array(size) / (width, height)) - 0.5,
+        pictures=[
+            _resized(_picture(pictures, index, frames[index]), size)
+            for index, size in enumerate(reduced)
+        ],
+        points=(points + 0.5) * (reduced / sizes) - 0.5,
         labels=labels,
         shown=tuple(motions) if world is None else (world, *motions),
         world=world,
     )
     values = np.array([UNKNOWN if world is None else WORLD, *motions], dtype=np.uint8)
     for index in track(range(len(frames)), "masks"):
-        yield _enlarged(values[_label_frame(scene, index)], full[index], values)
+        labelled = values[_label_frame(scene, index)]
+        # the pictures of a long video at full size do not fit into the memory
+        yield _enlarged(labelled, _picture(pictures, index, frames[index]), values)
 
 
 def _picture(pictures: Callable[[int], Picture | None], index: int, frame: Frame) -> Picture:
@@ -99,10 +108,12 @@ def _picture(pictures: Callable[[int], Picture | None], index: int, frame: Frame
     return np.ascontiguousarray(picture)
 
 
-def _resized(picture: Picture, size: tuple[int, int]) -> Picture:
-    if picture.shape[1::-1] == size:
+def _resized(picture: Picture, size: Integers) -> Picture:
+    width, height = (int(side) for side in size)
+    if picture.shape[1::-1] == (width, height):
         return picture
-    return np.asarray(cv2.resize(picture, size, interpolation=cv2.INTER_AREA), dtype=np.uint8)
+    smaller = cv2.resize(picture, (width, height), interpolation=cv2.INTER_AREA)
+    return np.asarray(smaller, dtype=np.uint8)
 
 
 def _label_frame(scene: Scene, frame: int) -> LabelMap:
@@ -112,30 +123,44 @@ def _label_frame(scene: Scene, frame: int) -> LabelMap:
         return np.zeros(picture.shape[:2], dtype=np.int64)
     guide = _grey(picture)
     distances = track_distances(scene, frame)
-    costs = photometric_costs(scene, frame) + nearness_costs(distances)
-    costs = np.array([guided_filter(guide, cost, RADIUS, NOISE) for cost in costs])
-    if scene.world is None:
-        costs = np.concatenate([_unknown_costs(scene, frame, costs, distances)[None], costs])
     first = 0 if scene.world is None else 1
-    tracks = [scene.pixels(scene.places(label, frame)[:, 0]) for label in scene.shown[first:]]
+    costs = photometric_costs(scene, frame)
+    remote = _remoteness(scene, frame, distances[first:])
+    if first:
+        costs[0] -= WORLD_FAR * remote
+        costs[1:] += nearness_costs(distances[1:])
+    else:
+        costs += nearness_costs(distances)
+    costs = np.array([guided_filter(guide, cost, RADIUS, NOISE) for cost in costs])
+    if not first:
+        costs = np.concatenate([(costs.min(axis=0) - UNKNOWN_FAR * remote)[None], costs])
+    tracks = [
+        scene.pixels(scene.places(label, frame)[:, 0], frame) for label in scene.shown[first:]
+    ]
     labels = with_tracks(costs.argmin(axis=0), tracks)
+    # first the colours around the tracks, then those of what was found
+    known = np.where((labels > 0) == (remote < 0), labels, -1)
     for _ in range(ROUNDS):
-        coloured = costs + colour_costs(picture, labels, len(costs))
+        coloured = costs + colour_costs(picture, known, len(costs))
         before, labels = labels, with_tracks(expand(coloured, labels, picture), tracks)
         if (labels == before).all():
             break
+        known = labels
     return labels
 
 
-def _unknown_costs(scene: Scene, frame: int, costs: Costs, distances: Costs) -> Costs:
-    """The cost of no motion, where no track shows the static world.
+def _remoteness(scene: Scene, frame: int, distances: Costs) -> Costs:
+    """How much farther than usual the tracks of all objects are, from -1 to 1, for each pixel.
 
-    One nat above the best motion on a track, the same as it half the spacing of the tracks away,
-    and at most three nats below it.
+    -1 on a track, 0 half the spacing of the tracks away, 1 from the whole spacing on.
     """
-    spacings = [_spacing(scene.places(label, frame)[:, 0]) for label in scene.shown]
+    if not len(distances):
+        width, height = scene.size(frame)
+        return np.ones((height, width), dtype=np.float32)
+    objects = scene.shown[len(scene.shown) - len(distances) :]
+    spacings = [_spacing(scene.places(label, frame)[:, 0]) for label in objects]
     relative = (distances / np.array(spacings)[:, None, None]).min(axis=0)
-    return np.asarray(costs.min(axis=0) + 1.0 - 2.0 * np.minimum(relative, 2.0))
+    return np.asarray(2.0 * np.minimum(relative, 1.0) - 1.0, dtype=np.float32)
 
 
 def _spacing(places: Floats) -> float:

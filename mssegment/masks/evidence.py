@@ -44,7 +44,7 @@ class Scene(Record, frozen=True):
     Attributes
     ----------
     pictures : sequence of ndarray [height, width, 3] of uint8
-        The frames, all of one size.
+        The frames.
     points : ndarray [P, F, 2]
         The tracks, in pixels of these pictures.
     labels : ndarray [P] of int64
@@ -61,10 +61,9 @@ class Scene(Record, frozen=True):
     shown: tuple[int, ...]
     world: int | None
 
-    @property
-    def size(self) -> tuple[int, int]:
-        """Width and height in pixels."""
-        height, width = self.pictures[0].shape[:2]
+    def size(self, frame: int) -> tuple[int, int]:
+        """Width and height of a frame in pixels."""
+        height, width = self.pictures[frame].shape[:2]
         return width, height
 
     def places(self, label: int, *frames: int) -> Floats:
@@ -72,10 +71,10 @@ class Scene(Record, frozen=True):
         own = self.points[self.labels == label][:, frames]
         return np.asarray(own[np.isfinite(own).all(axis=(1, 2))])
 
-    def pixels(self, places: Floats) -> Integers:
-        """The pixels (x, y) [n, 2] of positions [n, 2], without those outside the picture."""
+    def pixels(self, places: Floats, frame: int) -> Integers:
+        """The pixels (x, y) [n, 2] of positions [n, 2] in a frame, without those outside it."""
         rounded = np.round(places).astype(np.int64)
-        return rounded[((rounded >= 0) & (rounded < self.size)).all(axis=1)]
+        return rounded[((rounded >= 0) & (rounded < self.size(frame))).all(axis=1)]
 
 
 def photometric_costs(scene: Scene, frame: int) -> Costs:
@@ -100,20 +99,22 @@ def _pair_costs(scene: Scene, frame: int, other: int) -> Costs:
     noise = []
     for label in scene.shown:
         tracks = scene.places(label, frame, other)
-        field = motion_field(tracks[:, 0], tracks[:, 1], *scene.size)
+        field = motion_field(tracks[:, 0], tracks[:, 1], *scene.size(frame))
         if field is None:
             continue
         squares[label] = _residual_squares(here, there, field)
-        x, y = scene.pixels(tracks[:, 0]).T
+        x, y = scene.pixels(tracks[:, 0], frame).T
         noise.append(np.nanmedian(squares[label][y, x]))
     # grey values are whole numbers
     variance = max(float(np.median(noise)), 1.0) if noise else 1.0
-    return _costs(scene, squares, variance)
+    return _costs(scene, frame, squares, variance)
 
 
-def _costs(scene: Scene, squares: Mapping[int, npt.NDArray[np.float32]], variance: float) -> Costs:
+def _costs(
+    scene: Scene, frame: int, squares: Mapping[int, npt.NDArray[np.float32]], variance: float
+) -> Costs:
     unexplained = np.log(T_PEAK * GREY_VALUES / np.sqrt(variance))
-    width, height = scene.size
+    width, height = scene.size(frame)
     costs = np.full((len(scene.shown), height, width), unexplained, dtype=np.float32)
     for index, label in enumerate(scene.shown):
         limit = unexplained * (OCCLUDED_SHARE if label == scene.world else 1.0)
@@ -147,11 +148,11 @@ def _residual_squares(
 
 def track_distances(scene: Scene, frame: int) -> Costs:
     """The distance of each pixel from the nearest track of each motion, in pixels."""
-    width, height = scene.size
+    width, height = scene.size(frame)
     distances = []
     for label in scene.shown:
         free = np.full((height, width), 255, dtype=np.uint8)
-        x, y = scene.pixels(scene.places(label, frame)[:, 0]).T
+        x, y = scene.pixels(scene.places(label, frame)[:, 0], frame).T
         free[y, x] = 0
         distances.append(
             cv2.distanceTransform(free, cv2.DIST_L2, 5)
