@@ -30,6 +30,8 @@ class Results(Record, frozen=True):
     truth: Truth | None = None
     masks: dict[str, bytes] = field(default_factory=dict)
     """Files of masks by their path below the folder of the results."""
+    said: list[str] = field(default_factory=list)
+    """What ``write`` says of the files that it wrote."""
 
     @classmethod
     def of(
@@ -117,9 +119,11 @@ class Results(Record, frozen=True):
             kinds = (*USUAL, "regions") if settings.regions else USUAL
             written |= render_pictures(self.report, settings.picture_format, kinds)
         if settings.video:
-            from mssegment.rendering.video import render_video
+            from mssegment.rendering.video import make_video
 
-            written["motions.mp4"] = render_video(self.report)
+            video = make_video(self.report)
+            written["motions.mp4"] = video.content
+            self.said.append(video.description)
         if settings.export:
             from mssegment.export import export
 

@@ -8,9 +8,17 @@ import pytest
 from rendering_samples import affine_report
 
 from mssegment.errors import UsageError
+from mssegment.records import replace
+from mssegment.rendering import h264
 from mssegment.rendering.layout import view_of
 from mssegment.rendering.scene import Lines
-from mssegment.rendering.video import render_video, trail_items, video_frames
+from mssegment.rendering.video import (
+    make_video,
+    render_video,
+    source_rate,
+    trail_items,
+    video_frames,
+)
 
 
 def frames_of(content, path):
@@ -65,3 +73,44 @@ def test_trails_appear_behind_the_points():
 def test_wrong_formats_are_named():
     with pytest.raises(UsageError, match="avi"):
         render_video(affine_report(), "avi")
+
+
+def with_times(report, rate):
+    frames = [replace(frame, time=i / rate) for i, frame in enumerate(report.frames)]
+    return replace(report, frames=tuple(frames))
+
+
+@pytest.mark.parametrize("rate", [25.0, 30000 / 1001, 12.5, 60.0])
+def test_the_rate_is_that_of_the_source(rate):
+    report = with_times(affine_report(frames=14, tracks=24), rate)
+    rounded = [replace(frame, time=round(frame.time, 6)) for frame in report.frames]
+    assert float(source_rate(rounded)) == pytest.approx(rate, abs=1e-3)
+    assert source_rate(rounded[::3]) == pytest.approx(rate / 3, abs=1e-3)
+    assert source_rate(affine_report(frames=3).frames) is None
+    dropped = [*rounded[:4], *rounded[6:]]
+    assert float(source_rate(dropped)) == pytest.approx(rate, abs=1e-3)
+
+
+@pytest.mark.parametrize("with_pyav", [True, False])
+def test_a_video_has_the_size_and_rate_of_its_source(tmp_path, monkeypatch, with_pyav):
+    if with_pyav:
+        pytest.importorskip("av")
+        if h264.encoder() is None:
+            pytest.skip("this PyAV has no H.264 encoder")
+    else:
+        monkeypatch.setattr(h264, "encoder", lambda: None)
+    report = with_times(affine_report(frames=14, tracks=24), 25.0)
+    video = make_video(report)
+    (tmp_path / "a.mp4").write_bytes(video.content)
+    capture = cv2.VideoCapture(str(tmp_path / "a.mp4"))
+    width, height = (int(capture.get(p)) for p in (3, 4))
+    assert capture.get(cv2.CAP_PROP_FPS) == pytest.approx(25.0)
+    assert width == report.frames[0].width // 2 * 2
+    assert height > report.frames[0].height
+    assert f"14 frames of {width}x{height} pixels" in video.description
+    assert "25 a second" in video.description
+    if with_pyav:
+        assert video.description.endswith("H.264")
+        assert video.content == make_video(report).content
+    else:
+        assert "mssegment[video]" in video.description

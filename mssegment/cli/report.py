@@ -78,6 +78,8 @@ def command(
                 results = results.with_masks()
                 written = results.write(out)
             console.note(f"wrote {', '.join(written)} to {out}")
+            for said in results.said:
+                console.note(said)
     if show:
         console_results.show(results.report)
     put(format_report(results.report, chosen_format(form, console)))

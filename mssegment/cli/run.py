@@ -143,6 +143,8 @@ def command(
                 results = results.with_masks()
                 names = results.write(out)
         _finish(result.timings, names, out, console)
+        for said in results.said:
+            console.note(said)
     if profile:
         print(_profile(result.timings), file=sys.stderr)
     from mssegment.rendering.tables import format_report

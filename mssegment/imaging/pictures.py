@@ -214,6 +214,8 @@ def to_grey(picture: StoredPicture, white: float | None = None) -> GreyPicture:
 
 def to_rgb(picture: StoredPicture, white: float | None = None) -> RgbPicture:
     """Red, green and blue [height, width, 3], 8 bits each; ``white`` as in ``to_grey``."""
+    if picture.dtype == np.uint8 and picture.ndim == 3 and picture.shape[2] == 3:
+        return np.asarray(cv2.cvtColor(np.asarray(picture, np.uint8), cv2.COLOR_BGR2RGB), np.uint8)
     values = np.clip(np.rint(_opaque(picture, white or white_level(picture))), 0, 255)
     values = np.repeat(values[..., None], 3, axis=2) if values.ndim == 2 else values[..., ::-1]
     return np.ascontiguousarray(values, np.uint8)

@@ -81,11 +81,15 @@ def views_of(report: Report, indices: Sequence[int]) -> dict[int, FrameView]:
     return {index: view_of(report, index) for index in indices}
 
 
-def view_of(report: Report, index: int) -> FrameView:
-    """The view of one frame; blank, with a message, if its picture is not available."""
+def view_of(report: Report, index: int, scale: float | None = None) -> FrameView:
+    """The view of one frame; blank, with a message, if its picture is not available.
+
+    ``scale`` is its enlargement, by default the one that suits a screen.
+    """
     frame = report.frames[index]
     longest = max(frame.width, frame.height)
-    scale = min(MAX_ENLARGEMENT, max(1.0, MIN_LONG_SIDE / longest), MAX_LONG_SIDE / longest)
+    if scale is None:
+        scale = min(MAX_ENLARGEMENT, max(1.0, MIN_LONG_SIDE / longest), MAX_LONG_SIDE / longest)
     size = (max(1, round(frame.width * scale)), max(1, round(frame.height * scale)))
     picture = report.pictures(index)
     if picture is None:
