@@ -49,6 +49,7 @@ MANIFOLDS: Registry[Any] = Registry(
         "affine": "mssegment.manifolds.affine:AffineGroup",
         "similarity": "mssegment.manifolds.sim2:Sim2",
         "special_linear": "mssegment.manifolds.sl3:SL3",
+        "special_orthogonal": "mssegment.manifolds.rotations:Rotations",
         "special_euclidean(2)": "mssegment.manifolds.se2:SE2",
         "special_euclidean(3)": "mssegment.manifolds.se3:SE3",
     },

@@ -10,14 +10,27 @@ import re
 
 from mssegment.errors import ConfigurationError
 from mssegment.manifolds.affine import AffineGroup as AffineGroup
-from mssegment.manifolds.base import Array, KernelBlock, Manifold, PreparedPoints
+from mssegment.manifolds.base import Manifold
 from mssegment.manifolds.euclidean import Euclidean as Euclidean
 from mssegment.manifolds.grassmann import Grassmann as Grassmann
 from mssegment.manifolds.matrix_group import MatrixGroup
+from mssegment.manifolds.prepared import Array, KernelBlock, PreparedPoints
+from mssegment.manifolds.rotations import Rotations as Rotations
 from mssegment.manifolds.se2 import SE2 as SE2
 from mssegment.manifolds.se3 import SE3 as SE3
 from mssegment.manifolds.sl3 import SL3 as SL3
 from mssegment.registry import MANIFOLDS
+
+ALIASES = {
+    "so2": ("special_orthogonal", "2"),
+    "so3": ("special_orthogonal", "3"),
+    "se2": ("special_euclidean", "2"),
+    "se3": ("special_euclidean", "3"),
+    "sim2": ("similarity", "2"),
+    "a2": ("affine", "2"),
+    "sl3": ("special_linear", "3"),
+}
+"""Short names: ``se3`` is ``special_euclidean(3)``, ``se3(exact)`` is ``...(3,exact)``."""
 
 
 def from_name(name: str) -> Manifold:
@@ -32,18 +45,41 @@ def from_name(name: str) -> Manifold:
     --------
     >>> from_name("grassmann(10,3)").dim
     21
-    >>> from_name("special_euclidean(2)")
-    <manifold special_euclidean(2)>
+    >>> from_name("se3(length_scale=2)")
+    <manifold special_euclidean(3,length_scale=2.0)>
     """
-    parts = re.fullmatch(r"\s*(\w+)\s*\(([\w\s,]*)\)\s*", name)
-    arguments = tuple(a.strip() for a in parts.group(2).split(",")) if parts else ()
-    member = f"{parts.group(1)}({arguments[0]})" if parts else ""
-    found = MANIFOLDS.get(parts.group(1)) or MANIFOLDS.get(member) if parts else None
+    parts = re.fullmatch(r"\s*(\w+)\s*(?:\((.*)\))?\s*", name, flags=re.DOTALL)
+    family, inside = (parts.group(1), parts.group(2)) if parts else ("", None)
+    arguments = split_arguments(inside) if inside is not None else ()
+    if family in ALIASES:
+        family, order = ALIASES[family]
+        arguments = (order, *arguments)
+    elif inside is None:
+        arguments = ("",)
+    found = MANIFOLDS.get(family) or MANIFOLDS.get(f"{family}({arguments[0]})")
     if found is None:
         known = ", ".join(each.examples[0] for each in MANIFOLDS.values())
         raise ConfigurationError(f"no manifold is called {name!r}; names look like {known}")
     manifold: Manifold = found.from_arguments(arguments)
     return manifold
+
+
+def split_arguments(text: str) -> tuple[str, ...]:
+    """The arguments in a name: parts between commas that are not in parentheses.
+
+    Examples
+    --------
+    >>> split_arguments("grassmann(3,1), euclidean(2)")
+    ('grassmann(3,1)', 'euclidean(2)')
+    """
+    parts, depth = [""], 0
+    for character in text:
+        depth += {"(": 1, ")": -1}.get(character, 0)
+        if character == "," and depth == 0:
+            parts.append("")
+        else:
+            parts[-1] += character
+    return tuple(part.strip() for part in parts)
 
 
 __all__ = [
@@ -55,7 +91,7 @@ __all__ = [
     "PreparedPoints",
     "from_name",
 ]
-__all__ += ["SE2", "SE3", "SL3", "AffineGroup", "Euclidean", "Grassmann"]
+__all__ += ["SE2", "SE3", "SL3", "AffineGroup", "Euclidean", "Grassmann", "Rotations"]
 
 
 def __getattr__(name: str) -> type[Manifold]:

@@ -15,89 +15,45 @@ a closed form of the logarithm) overrides :meth:`Manifold.prepare`.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from typing import Any, ClassVar
+from collections.abc import Callable
+from functools import wraps
+from typing import Any, ClassVar, TypeVar
 
 import numpy as np
-import numpy.typing as npt
 
 from mssegment.errors import ConfigurationError, DataError
+from mssegment.manifolds.prepared import LogPreparedPoints, PreparedPoints
 from mssegment.records import Floats
 
-Array = npt.NDArray[np.floating[Any]]
-"""Floating point numbers of either precision."""
-
-Precision = np.dtype[np.floating[Any]]
-
-CACHE_NUMBERS = 1 << 18
-"""Numbers of an intermediate array that fits the cache of a core (1 MB in single precision)."""
-
-
-MIN_BLOCK_ROWS = 8
-"""Rows of a block below which a matrix product is no faster than one row at a time."""
-
-
-class KernelBlock(ABC):
-    """Distances and gradients between m query points and the n prepared points.
-
-    Attributes
-    ----------
-    scaled_sq_dist
-        d^2 / h^2 [m, n], the argument z of the kernel profile k(z) in (7); infinite where there is
-        no logarithm. The caller may overwrite it.
-    """
-
-    scaled_sq_dist: Array
-
-    @abstractmethod
-    def weighted_sum(self, weights: Array) -> tuple[Floats, Floats]:
-        """Numerator and denominator of the mean shift vector (9).
-
-        Parameters
-        ----------
-        weights
-            The weights g(d^2 / h^2) [m, n].
-
-        Returns
-        -------
-        summed
-            The sums over the n points of the weights times -1/2 grad d^2, tangents [m, ...].
-        total
-            The sums of the weights [m].
-        """
+ARRAY_METHODS = (
+    "exp",
+    "log",
+    "inner",
+    "norm",
+    "dist",
+    "neg_half_grad_sq_dist",
+    "project",
+    "project_tangent",
+    "constraint_violation",
+    "pairwise_dist2",
+    "mean_tangent",
+)
+"""Methods whose arguments are all arrays: lists and integers are converted to float64."""
 
 
-class PreparedPoints(ABC):
-    """n fixed points of a manifold, prepared for many queries.
+Method = TypeVar("Method", bound=Callable[..., Any])
 
-    Attributes
-    ----------
-    manifold
-        The manifold.
-    size
-        The number n of points.
-    bandwidth
-        h, by which distances are divided.
-    block_rows
-        The number of query points per block with which the work stays in the cache.
-    """
 
-    manifold: Manifold
-    size: int
-    bandwidth: float
-    block_rows: int
+def _on_arrays(method: Method) -> Method:
+    """``method`` with every argument converted to an array of float64."""
 
-    @abstractmethod
-    def block(self, x: Floats) -> KernelBlock:
-        """Distances and gradients from the query points ``x`` [m, ...]."""
+    @wraps(method)
+    def converted(self: Manifold, *arrays: Any, **named: Any) -> Any:
+        arrays = tuple(np.asarray(array, dtype=np.float64) for array in arrays)
+        named = {name: np.asarray(array, dtype=np.float64) for name, array in named.items()}
+        return method(self, *arrays, **named)
 
-    def nearest(self, x: Floats, count: int) -> Array:
-        """Scaled squared distances of the ``count`` + 1 points nearest to each of ``x`` [m, ...].
-
-        Returns [m, count + 1]: the largest last, the others in no particular order.
-        """
-        z = self.block(x).scaled_sq_dist
-        z.partition(count, axis=1)
-        return z[:, : count + 1]
+    return converted  # type: ignore[return-value]
 
 
 class Manifold(ABC):
@@ -114,13 +70,20 @@ class Manifold(ABC):
     is_metric: bool = True
     """The distance satisfies the triangle inequality."""
     dist_is_geodesic: bool = True
-    """The distance is the length of the logarithm, (2)."""
+    """The distance is that of (2), the length of the shortest geodesic; -1/2 times the gradient of
+    its square is the logarithm."""
     exact_gradient: bool = True
     """``neg_half_grad_sq_dist`` is exact, so that a mean shift step raises the density."""
     left_invariant: bool = False
     """Points are matrices of a group, and d(g x, g y) = d(x, y)."""
     basis_free: bool = False
     """x and x q are the same point for any orthogonal q."""
+
+    def __init_subclass__(cls, **options: Any) -> None:
+        super().__init_subclass__(**options)
+        for name in ARRAY_METHODS:
+            if name in vars(cls):
+                setattr(cls, name, _on_arrays(vars(cls)[name]))
 
     @classmethod
     @abstractmethod
@@ -167,7 +130,13 @@ class Manifold(ABC):
 
     @abstractmethod
     def project(self, x: Floats) -> Floats:
-        """A point of the manifold near the array ``x``; ``x`` itself where it is a point."""
+        """A point of the manifold near the array ``x``; ``x`` itself where it is a point.
+
+        Raises
+        ------
+        DataError
+            Where there is none near, naming the first such array.
+        """
 
     @abstractmethod
     def project_tangent(self, x: Floats, v: Floats) -> Floats:
@@ -187,15 +156,18 @@ class Manifold(ABC):
         length = self.norm(x, v)
         return np.asarray(v / _per_point(length, self), dtype=np.float64)
 
+    @_on_arrays
     def norm(self, x: Floats, v: Floats) -> Floats:
         """The norm of the tangent ``v`` at ``x``."""
         return np.sqrt(np.maximum(self.inner(x, v, v), 0.0))
 
+    @_on_arrays
     def dist(self, x: Floats, y: Floats) -> Floats:
         """The distance d(x, y); infinite where ``y`` has no logarithm at ``x``."""
         length = self.norm(x, self.log(x, y))
         return np.where(np.isnan(length), np.inf, length)
 
+    @_on_arrays
     def neg_half_grad_sq_dist(self, x: Floats, y: Floats) -> Floats:
         """-1/2 times the gradient of d^2(x, y) with respect to ``x``, as in (9); 0 where d is inf.
 
@@ -227,11 +199,13 @@ class Manifold(ABC):
         """
         return LogPreparedPoints(self, y, bandwidth)
 
+    @_on_arrays
     def pairwise_dist2(self, x: Floats, y: Floats) -> Floats:
         """Squared distances [m, n] between the points ``x`` [m, ...] and ``y`` [n, ...]."""
         z = self.prepare(y).block(x).scaled_sq_dist
         return np.maximum(z, 0.0).astype(np.float64)
 
+    @_on_arrays
     def mean_tangent(self, x: Floats, y: Floats, w: Floats) -> Floats:
         """The weighted mean of -1/2 grad d^2: the mean shift vector (9).
 
@@ -267,12 +241,7 @@ class Manifold(ABC):
         DataError
             For a wrong shape, or naming the first array that is not finite or not a point.
         """
-        shape = self.point_shape
-        if np.shape(x)[max(np.ndim(x) - len(shape), 0) :] != shape:
-            raise DataError(f"points of {self.name} have shape {shape}, found {np.shape(x)}")
-        finite = np.isfinite(x).reshape(-1, int(np.prod(shape))).all(axis=1)
-        if not finite.all():
-            raise DataError(f"point {int(np.argmin(finite))} of {self.name} is not finite")
+        self.check_finite(x)
         violation = np.ravel(self.constraint_violation(np.asarray(x, dtype=np.float64)))
         wrong = ~(violation <= tolerance)
         if wrong.any():
@@ -281,67 +250,29 @@ class Manifold(ABC):
                 f"point {i} is not on {self.name}: it is {violation[i]:.3g} away from it"
             )
 
+    def check_finite(self, x: Floats) -> None:
+        """Check that ``x`` [..., *point_shape] are finite arrays of the shape of points.
+
+        Raises
+        ------
+        DataError
+            For a wrong shape, or naming the first array that is not finite.
+        """
+        shape = self.point_shape
+        if np.shape(x)[max(np.ndim(x) - len(shape), 0) :] != shape:
+            raise DataError(f"points of {self.name} have shape {shape}, found {np.shape(x)}")
+        finite = np.isfinite(x).reshape(-1, int(np.prod(shape))).all(axis=1)
+        if not finite.all():
+            raise DataError(f"point {int(np.argmin(finite))} of {self.name} is not finite")
+
+    def _refuse(self, impossible: Any, why: str) -> None:
+        """Raise a DataError that names the first array for which ``impossible`` is true."""
+        if np.any(impossible):
+            i = int(np.argmax(np.ravel(impossible)))
+            raise DataError(f"array {i} has no point of {self.name} near it: {why}")
+
     def __repr__(self) -> str:
         return f"<manifold {self.name}>"
-
-
-class LogPreparedPoints(PreparedPoints):
-    """The default, made from the manifold's ``dist`` and ``neg_half_grad_sq_dist``.
-
-    Parameters
-    ----------
-    manifold
-        The manifold.
-    y
-        The points [n, ...].
-    bandwidth
-        h.
-    """
-
-    def __init__(self, manifold: Manifold, y: Floats, bandwidth: float) -> None:
-        self.manifold, self.y, self.bandwidth = manifold, y, bandwidth
-        self.size = len(y)
-        numbers = max(1, self.size * int(np.prod(manifold.point_shape)))
-        self.block_rows = max(1, CACHE_NUMBERS // numbers)
-
-    def block(self, x: Floats) -> KernelBlock:
-        """Distances and gradients from ``x`` [m, ...], pair by pair."""
-        return _LogBlock(self, x)
-
-
-class _LogBlock(KernelBlock):
-    def __init__(self, prepared: LogPreparedPoints, x: Floats) -> None:
-        at, to = x[:, None], prepared.y[None]
-        self.scaled_sq_dist = (prepared.manifold.dist(at, to) / prepared.bandwidth) ** 2
-        self._gradients = prepared.manifold.neg_half_grad_sq_dist(at, to)
-
-    def weighted_sum(self, weights: Array) -> tuple[Floats, Floats]:
-        double = weights.astype(np.float64)
-        return np.einsum("mn,mn...->m...", double, self._gradients), double.sum(axis=1)
-
-
-def precision(precise: bool, magnitude: float, bandwidth: float) -> Precision | None:
-    """The precision in which to compute d^2 / h^2 as a difference of larger terms.
-
-    Parameters
-    ----------
-    precise
-        Whether single precision is not allowed.
-    magnitude
-        The size of the terms.
-    bandwidth
-        h.
-
-    Returns
-    -------
-    dtype or None
-        Single precision if it is allowed and d^2 / h^2 is good to about 0.01, else double; None
-        where the bandwidth is so small that cancellation leaves nothing in double precision either.
-    """
-    for kind in (np.float64,) if precise else (np.float32, np.float64):
-        if magnitude * float(np.finfo(kind).eps) < 1e-2 * bandwidth**2:
-            return np.dtype(kind)
-    return None
 
 
 def parse_integers(family: str, arguments: tuple[str, ...], expected: str) -> tuple[int, ...]:

@@ -5,19 +5,19 @@ from __future__ import annotations
 import numpy as np
 
 from mssegment.errors import ConfigurationError
-from mssegment.manifolds.base import (
+from mssegment.manifolds.base import Manifold, parse_integers
+from mssegment.manifolds.prepared import (
     CACHE_NUMBERS,
+    MAX_ERROR,
+    MAX_ERROR_SINGLE,
     MIN_BLOCK_ROWS,
     Array,
     KernelBlock,
     LogPreparedPoints,
-    Manifold,
     Precision,
     PreparedPoints,
-    parse_integers,
-    precision,
 )
-from mssegment.records import Floats
+from mssegment.records import Floats, Integers
 
 
 class Euclidean(Manifold):
@@ -81,7 +81,8 @@ class Euclidean(Manifold):
         return np.asarray(np.sum(u * v, axis=-1))
 
     def project(self, x: Floats) -> Floats:
-        """``x`` itself: every array is a point."""
+        """``x`` itself: every finite array is a point."""
+        self.check_finite(x)
         return np.asarray(x, dtype=np.float64)
 
     def project_tangent(self, x: Floats, v: Floats) -> Floats:
@@ -100,30 +101,50 @@ class Euclidean(Manifold):
         self, y: Floats, bandwidth: float = 1.0, precise: bool = True, cutoff: float = np.inf
     ) -> PreparedPoints:
         """The points ``y`` [n, ...], centred and divided by the bandwidth; no cutoff."""
-        spread = float(np.max(np.sum((y - y.mean(axis=0)) ** 2, axis=1))) if len(y) else 0.0
-        dtype = precision(precise, spread, bandwidth)
-        if dtype is None:
-            return LogPreparedPoints(self, y, bandwidth)
-        return _EuclideanPoints(self, y, bandwidth, dtype)
+        y = np.asarray(y, dtype=np.float64)
+        centre = np.sort(y, axis=0)[len(y) // 2] if len(y) else np.zeros(self.n)
+        square = np.sum(((y - centre) / bandwidth) ** 2, axis=1)
+        for dtype, error in ((np.float32, MAX_ERROR_SINGLE), (np.float64, MAX_ERROR)):
+            if dtype == np.float32 and precise:
+                continue
+            remote = np.flatnonzero(~(square * float(np.finfo(dtype).eps) < error))
+            if len(remote) <= MAX_REMOTE * len(y):
+                return _EuclideanPoints(self, y, bandwidth, np.dtype(dtype), centre, remote)
+        return LogPreparedPoints(self, y, bandwidth)
+
+
+MAX_REMOTE = 0.1
+"""The share of remote points up to which computing their distances apart is faster than computing
+all distances in double precision, or one by one."""
 
 
 class _EuclideanPoints(PreparedPoints):
     """|x - y|^2 = |x|^2 + |y|^2 - 2 x'y as one matrix product with two more columns.
 
-    The points are centred first, to lose little to cancellation.
+    The points are seen from their median first, to lose little to cancellation. What is lost
+    between two points grows with their distance from it: between a near and a ``remote`` one that
+    is little compared with their distance, between two remote ones it is not, so the distances of
+    remote points are computed from the differences.
     """
 
-    def __init__(self, manifold: Euclidean, y: Floats, bandwidth: float, dtype: Precision) -> None:
-        self.manifold = manifold
-        self.size, n = y.shape
+    def __init__(
+        self,
+        manifold: Euclidean,
+        y: Floats,
+        bandwidth: float,
+        dtype: Precision,
+        centre: Floats,
+        remote: Integers,
+    ) -> None:
+        self.manifold, self.bandwidth, self.dtype = manifold, bandwidth, dtype
+        self.centre, self.remote, self.size = centre, remote, len(y)
         self.block_rows = max(MIN_BLOCK_ROWS, CACHE_NUMBERS // max(1, self.size))
-        self.bandwidth = bandwidth
-        self.dtype = dtype
-        self.centre = y.mean(axis=0) if self.size else np.zeros(n)
         scaled = self.scale(y)
-        self.points = np.concatenate([scaled, np.ones((self.size, 1))], axis=1).astype(self.dtype)
+        self.remote_points = scaled[remote]
+        ones = np.ones((self.size, 1))
+        self.points = np.concatenate([scaled, ones], axis=1).astype(self.dtype)
         norms = np.sum(scaled * scaled, axis=1, keepdims=True)
-        columns = [-2.0 * scaled, np.ones((self.size, 1)), norms]
+        columns = [-2.0 * scaled, ones, norms]
         self.columns = np.ascontiguousarray(np.concatenate(columns, axis=1).T, dtype=self.dtype)
 
     def scale(self, x: Floats) -> Floats:
@@ -140,10 +161,13 @@ class _EuclideanBlock(KernelBlock):
         norms = np.sum(scaled * scaled, axis=1, keepdims=True)
         rows = np.concatenate([scaled, norms, np.ones_like(norms)], axis=1).astype(prepared.dtype)
         self.scaled_sq_dist = np.maximum(rows @ prepared.columns, 0)
+        if len(prepared.remote):
+            difference = scaled[:, None] - prepared.remote_points
+            squares = np.einsum("mnd,mnd->mn", difference, difference)
+            self.scaled_sq_dist[:, prepared.remote] = squares
 
     def weighted_sum(self, weights: Array) -> tuple[Floats, Floats]:
-        sums = (weights.astype(self._prepared.dtype, copy=False) @ self._prepared.points).astype(
-            float
-        )
+        prepared = self._prepared
+        sums = (weights.astype(prepared.dtype, copy=False) @ prepared.points).astype(float)
         total = sums[:, -1]
-        return self._prepared.bandwidth * (sums[:, :-1] - self._scaled * total[:, None]), total
+        return prepared.bandwidth * (sums[:, :-1] - self._scaled * total[:, None]), total

@@ -6,18 +6,19 @@ from functools import lru_cache
 from math import factorial
 
 import numpy as np
+import numpy.typing as npt
 
 from mssegment.errors import ConfigurationError
-from mssegment.manifolds.base import (
+from mssegment.manifolds.base import Manifold, parse_integers
+from mssegment.manifolds.matrices import halvings_to
+from mssegment.manifolds.prepared import (
     CACHE_NUMBERS,
     MIN_BLOCK_ROWS,
     Array,
     KernelBlock,
     LogPreparedPoints,
-    Manifold,
     Precision,
     PreparedPoints,
-    parse_integers,
     precision,
 )
 from mssegment.records import Floats, Integers
@@ -25,6 +26,11 @@ from mssegment.records import Floats, Integers
 EMBED_ROWS = 4096
 """Points that are embedded at a time, to bound the memory."""
 _TINY = 1e-300
+MAX_SERIES = 4.0
+"""For longer tangents the series of the exponential loses digits to its doublings, and the SVD is
+used."""
+
+Mask = npt.NDArray[np.bool_]
 
 
 class Grassmann(Manifold):
@@ -108,7 +114,12 @@ class Grassmann(Manifold):
             length = np.sqrt(_t(v) @ v)
             moved = x * np.cos(length) + v * (np.sin(length) / np.maximum(length, _TINY))
             return np.asarray(moved / np.sqrt(_t(moved) @ moved))
-        cosine, sinc = _cos_sinc(_gram(v))
+        gram = _gram(v)
+        long = np.einsum("...ii->...", gram) > MAX_SERIES**2
+        if np.any(long):
+            wide, tall = np.broadcast_arrays(x, v)
+            return _exp_by_svd(wide, tall, long)
+        cosine, sinc = _cos_sinc(gram)
         moved = x @ cosine
         moved += v @ sinc
         return np.asarray(moved)
@@ -170,6 +181,7 @@ class Grassmann(Manifold):
 
     def project(self, x: Floats) -> Floats:
         """An orthonormal basis of the column space of ``x``, the one nearest to ``x``."""
+        self.check_finite(x)
         u, _, v = np.linalg.svd(x, full_matrices=False)
         return np.asarray(u @ v)
 
@@ -285,15 +297,27 @@ def _normal_part(x: Floats, v: Floats) -> Floats:
     return np.asarray(v - x @ (_t(x) @ v))
 
 
+def _exp_by_svd(x: Floats, v: Floats, long: Mask) -> Floats:
+    """Equation (15) with its SVD for the ``long`` tangents [...], and the series for the others."""
+    cosine, sinc = _cos_sinc(_gram(np.where(long[..., None, None], 0.0, v)))
+    moved = np.array(x @ cosine + v @ sinc)
+    u, s, r = np.linalg.svd(v[long], full_matrices=False)
+    turned = (x[long] @ _t(r)) * np.cos(s)[..., None, :] + u * np.sin(s)[..., None, :]
+    moved[long] = turned @ r
+    return moved
+
+
 def _cos_sinc(gram: Floats) -> tuple[Floats, Floats]:
     """cos(sqrt G) and sinc(sqrt G) of symmetric k x k matrices, |G| halved until it is below 1.
 
-    Each series is a low half plus G^4 times a high half, which share the powers of G.
+    Each series is a low half plus G^4 times a high half, which share the powers of G. Each matrix
+    has its own number of halvings, so that it does not depend on the others.
     """
-    largest = float(np.einsum("...ii->...", gram).max(initial=0.0))
-    halvings = max(0, int(np.ceil(0.5 * np.log2(largest)))) if largest > 1.0 else 0
-    if halvings:
-        gram = gram / 4.0**halvings
+    trace = np.einsum("...ii->...", gram)
+    short = bool(trace.max(initial=0.0) < SHORT_SERIES_BELOW)
+    halvings = None if short else halvings_to(trace, 1.0)
+    if halvings is not None:
+        gram = gram * np.ldexp(1.0, -2 * halvings)[..., None, None]
     powers = np.empty((5, *gram.shape))
     powers[0] = _identity(gram.shape[-1])
     powers[1] = gram
@@ -301,14 +325,15 @@ def _cos_sinc(gram: Floats) -> tuple[Floats, Floats]:
     np.matmul(powers[2], gram, out=powers[3])
     np.matmul(powers[2], powers[2], out=powers[4])
     flat = powers.reshape(5, -1)
-    if largest < SHORT_SERIES_BELOW:
+    if halvings is None:
         cosine, sinc = (_SHORT_SERIES @ flat).reshape(2, *gram.shape)
         return cosine, sinc
     low, high = (_SERIES @ flat).reshape(2, 2, *gram.shape)
     cosine, sinc = low + powers[4] @ high
-    for _ in range(halvings):
-        sinc = sinc @ cosine
-        cosine = 2.0 * cosine @ cosine - powers[0]
+    for level in range(int(halvings.max(initial=0))):
+        rows = halvings > level
+        sinc[rows] = sinc[rows] @ cosine[rows]
+        cosine[rows] = 2.0 * cosine[rows] @ cosine[rows] - _identity(gram.shape[-1])
     return cosine, sinc
 
 

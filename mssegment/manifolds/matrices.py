@@ -7,8 +7,8 @@ from math import factorial
 
 import numpy as np
 
-from mssegment.manifolds.base import Array
-from mssegment.records import Floats
+from mssegment.manifolds.prepared import Array
+from mssegment.records import Floats, Integers
 
 ROUNDING = 1e-15
 """The shift, relative to the largest entry, of a matrix that rounding made singular."""
@@ -54,19 +54,31 @@ def exponential(v: Floats) -> Floats:
     >>> exponential(np.array([[0.0, 1.0], [0.0, 0.0]])).tolist()
     [[1.0, 1.0], [0.0, 1.0]]
     """
-    longest = float(np.sqrt(np.max(np.einsum("...ij,...ij->...", v, v), initial=0.0)))
-    halvings = max(0, int(np.ceil(np.log2(longest / MAX_NORM)))) if longest > MAX_NORM else 0
+    square = np.einsum("...ij,...ij->...", v, v)
+    halvings = halvings_to(square, MAX_NORM)
     powers = np.empty((4, *v.shape))
     powers[0] = np.eye(v.shape[-1])
-    np.multiply(v, 0.5**halvings, out=powers[1])
+    np.multiply(v, np.ldexp(1.0, -halvings)[..., None, None], out=powers[1])
     np.matmul(powers[1], powers[1], out=powers[2])
     np.matmul(powers[1], powers[2], out=powers[3])
     fourth = powers[2] @ powers[2]
     low, middle, high = (_TAYLOR @ powers.reshape(4, -1)).reshape(3, *v.shape)
     total = low + fourth @ (middle + fourth @ high)
-    for _ in range(halvings):
-        total = total @ total
+    for level in range(int(halvings.max(initial=0))):
+        rows = halvings > level
+        total[rows] = total[rows] @ total[rows]
     return np.asarray(total)
+
+
+def halvings_to(square: Floats, norm: float) -> Integers:
+    """How often to halve numbers until they are below ``norm``, given their squares [...].
+
+    Each row has its own count: its result does not depend on the other rows. Where a square is not
+    finite there is nothing to halve.
+    """
+    with np.errstate(divide="ignore", invalid="ignore"):
+        count = np.ceil(np.log2(np.sqrt(square) / norm))
+    return np.where(np.isfinite(count), np.maximum(count, 0.0), 0.0).astype(np.int64)
 
 
 _TAYLOR = np.array([1.0 / factorial(i) for i in range(12)]).reshape(3, 4)

@@ -3,41 +3,32 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from functools import cached_property
 from typing import ClassVar
 
 import numpy as np
 
 from mssegment.errors import ConfigurationError
-from mssegment.manifolds.base import (
-    CACHE_NUMBERS,
+from mssegment.manifolds.base import Manifold
+from mssegment.manifolds.group_points import GroupPoints
+from mssegment.manifolds.log_gradient import gradient_from_log
+from mssegment.manifolds.matrices import exponential, length2, solve
+from mssegment.manifolds.prepared import (
     Array,
-    KernelBlock,
-    Manifold,
+    LogPreparedPoints,
+    Precision,
     PreparedPoints,
     precision,
 )
-from mssegment.manifolds.matrices import bernoulli, exponential, inverse, length2, solve
-from mssegment.records import Floats, Integers
-
-BERNOULLI_TERMS = 40
-MAX_CUTOFF = 3.0
-"""For a larger cutoff (in the distance of the group) finding the pairs beyond it saves nothing."""
-SLACK = 1.001
-"""The factor on the cutoff that keeps rounding from leaving out pairs just within it."""
-SPARE = 8
-"""``nearest`` computes the distances of this many pairs more than twice as many as are wanted."""
-DENSE = 0.5
-"""The share of pairs within the cutoff above which computing all logarithms is faster."""
+from mssegment.records import Floats
 
 
 class MatrixGroup(Manifold):
     """A group of s x s matrices with the distance (20), |log x^-1 y|_F.
 
-    The inner product at x is tr((x^-1 u)' x^-1 v). The distance is left-invariant but breaks the
-    triangle inequality, and is infinite where x^-1 y has no real logarithm.
-    ``neg_half_grad_sq_dist`` is the logarithm (21), a first-order approximation of -1/2 grad d^2
-    (10 % off at |log| = 0.3), or with ``exact`` that gradient.
+    The inner product at x is tr((x^-1 u)' x^-1 v). The distance is left-invariant. In general it
+    breaks the triangle inequality and is no geodesic distance, and it is infinite where x^-1 y has
+    no real logarithm. ``neg_half_grad_sq_dist`` is the logarithm (21), a first-order approximation
+    of -1/2 grad d^2 (10 % off at |log| = 0.3), or with ``exact`` that gradient.
 
     A subclass has the class attributes ``family``, ``order``, ``free_rows`` and ``size``, and the
     methods ``dim``, ``algebra_log``, ``onto_algebra``, ``project`` and ``constraint_violation``.
@@ -46,6 +37,15 @@ class MatrixGroup(Manifold):
     ----------
     exact
         Whether ``neg_half_grad_sq_dist`` is the exact gradient.
+    length_scale
+        Where the last column of a point is a translation: the length that weighs as much as one
+        radian (times sqrt 2). Inner products and distances are those of the points with their
+        translations divided by it.
+
+    Raises
+    ------
+    ConfigurationError
+        For a length scale that is not positive and finite, or where there is no translation.
 
     Notes
     -----
@@ -54,6 +54,7 @@ class MatrixGroup(Manifold):
     """
 
     is_metric = False
+    dist_is_geodesic = False
     left_invariant = True
     family: ClassVar[str]
     """The name without arguments."""
@@ -64,21 +65,38 @@ class MatrixGroup(Manifold):
     size: ClassVar[int]
     """The number s of rows and columns."""
 
-    def __init__(self, *, exact: bool = False) -> None:
+    def __init__(self, *, exact: bool = False, length_scale: float = 1.0) -> None:
+        if not 0 < length_scale < np.inf:
+            raise ConfigurationError(f"length_scale must be positive, found {length_scale}")
+        if length_scale != 1.0 and self.free_rows == self.size:
+            raise ConfigurationError(f"{self.family} has no translation that a length_scale scales")
         self.exact_gradient = exact
+        self.length_scale = float(length_scale)
 
     @classmethod
     def from_arguments(cls, arguments: tuple[str, ...]) -> MatrixGroup:
-        """The group from ``(order,)`` or ``(order, "exact")``."""
-        if arguments not in ((str(cls.order),), (str(cls.order), "exact")):
+        """The group from ``(order,)``, then in any order ``exact`` and ``length_scale=NUMBER``."""
+        options: dict[str, float | bool] = {}
+        for argument in arguments[1:]:
+            key, equals, number = (part.strip() for part in argument.partition("="))
+            try:
+                options[key] = float(number) if equals else True
+            except ValueError:
+                options[argument] = True
+        known = {"exact", "length_scale"} if cls.free_rows < cls.size else {"exact"}
+        wrong = arguments[:1] != (str(cls.order),) or not options.keys() <= known
+        if wrong or options.get("exact") not in (None, True) or options.get("length_scale") is True:
             found, names = ",".join(arguments), " or ".join(cls.examples)
             raise ConfigurationError(f"no manifold is called {cls.family}({found}): use {names}")
-        return cls(exact=len(arguments) == 2)
+        return cls(
+            exact=bool(options.get("exact")), length_scale=float(options.get("length_scale", 1.0))
+        )
 
     @property
     def name(self) -> str:
-        """``family(order)``, with ``,exact`` where the gradient is exact."""
-        return f"{self.family}({self.order}{',exact' if self.exact_gradient else ''})"
+        """``family(order)``, with ``,exact`` and ``,length_scale=NUMBER`` where they apply."""
+        scale = "" if self.length_scale == 1.0 else f",length_scale={self.length_scale!r}"
+        return f"{self.family}({self.order}{',exact' if self.exact_gradient else ''}{scale})"
 
     @abstractmethod
     def algebra_log(self, m: Array, max_norm: float = np.inf) -> Array:
@@ -94,21 +112,44 @@ class MatrixGroup(Manifold):
         Returns
         -------
         array
-            The logarithms (free_rows, size, ...), NaN where there is no real one.
+            The logarithms (free_rows, size, ...), NaN where there is no real one. Half a turn has
+            two logarithms of the same norm, of which this is one.
         """
 
     @abstractmethod
     def onto_algebra(self, v: Array) -> Array:
         """The orthogonal projection of ``v`` (free_rows, size, ...) onto the Lie algebra."""
 
+    def algebra_exp(self, v: Floats) -> Floats:
+        """The matrix exponentials (16) of elements of the algebra [..., size, size]."""
+        return exponential(v)
+
+    def divide(self, x: Floats, y: Floats) -> Floats:
+        """x^-1 y for points ``x`` and points or tangents ``y`` [..., size, size]."""
+        return solve(x, y)
+
     @property
     def point_shape(self) -> tuple[int, ...]:
         """The shape of a point, ``(size, size)``."""
         return (self.size, self.size)
 
-    def _axes_first(self, x: Floats) -> Floats:
-        """Matrices (..., size, size) as (free_rows, size, ...)."""
-        return np.ascontiguousarray(np.moveaxis(x, (-2, -1), (0, 1))[: self.free_rows])
+    def to_unit(self, x: Floats) -> Floats:
+        """Points or tangents with their translations divided by the length scale."""
+        return x if self.length_scale == 1.0 else self._scaled(x, 1.0 / self.length_scale)
+
+    def from_unit(self, x: Floats) -> Floats:
+        """The inverse of ``to_unit``."""
+        return x if self.length_scale == 1.0 else self._scaled(x, self.length_scale)
+
+    def _scaled(self, x: Floats, factor: float) -> Floats:
+        scaled = np.array(x, dtype=np.float64)
+        scaled[..., : self.free_rows, -1] *= factor
+        return scaled
+
+    def _unit_ratio(self, x: Floats, y: Floats) -> Floats:
+        """x^-1 y with its translation divided by the length scale, (free_rows, size, ...)."""
+        ratio = self.divide(self.to_unit(x), self.to_unit(y))
+        return np.ascontiguousarray(np.moveaxis(ratio, (-2, -1), (0, 1))[: self.free_rows])
 
     def axes_last(self, v: Array) -> Floats:
         """Elements of the algebra (free_rows, size, ...) as (..., size, size), with zero rows."""
@@ -118,28 +159,33 @@ class MatrixGroup(Manifold):
 
     def exp(self, x: Floats, v: Floats) -> Floats:
         """Equation (18), x exp(x^-1 v)."""
-        return np.asarray(x @ exponential(solve(x, v)))
+        x, v = self.to_unit(x), self.to_unit(v)
+        return self.from_unit(np.asarray(x @ self.algebra_exp(self.divide(x, v))))
 
     def log(self, x: Floats, y: Floats) -> Floats:
         """Equation (19), x log(x^-1 y); NaN where there is no real logarithm."""
-        return np.asarray(x @ self.axes_last(self.algebra_log(self._axes_first(solve(x, y)))))
+        log = self.axes_last(self.algebra_log(self._unit_ratio(x, y)))
+        return self.from_unit(np.asarray(self.to_unit(x) @ log))
 
     def inner(self, x: Floats, u: Floats, v: Floats) -> Floats:
         """tr((x^-1 u)' x^-1 v), the left-invariant inner product that belongs to (20)."""
-        return np.asarray(np.sum(solve(x, u) * solve(x, v), axis=(-2, -1)))
+        x, u, v = self.to_unit(x), self.to_unit(u), self.to_unit(v)
+        return np.asarray(np.sum(self.divide(x, u) * self.divide(x, v), axis=(-2, -1)))
 
     def norm(self, x: Floats, v: Floats) -> Floats:
         """The norm |x^-1 v|_F."""
-        return np.asarray(np.linalg.norm(solve(x, v), axis=(-2, -1)))
+        ratio = self.divide(self.to_unit(x), self.to_unit(v))
+        return np.asarray(np.linalg.norm(ratio, axis=(-2, -1)))
 
     def dist(self, x: Floats, y: Floats) -> Floats:
         """Equation (20), |log x^-1 y|_F; infinite where there is no real logarithm."""
-        return np.sqrt(length2(self.algebra_log(self._axes_first(solve(x, y))))).astype(np.float64)
+        return np.sqrt(length2(self.algebra_log(self._unit_ratio(x, y)))).astype(np.float64)
 
     def neg_half_grad_sq_dist(self, x: Floats, y: Floats) -> Floats:
         """Equation (21), log_x(y), or the exact -1/2 grad d^2; zero where d is infinite."""
-        gradient = self.gradient_from_log(self.algebra_log(self._axes_first(solve(x, y))))
-        return np.asarray(x @ self.axes_last(np.nan_to_num(gradient, nan=0.0)))
+        gradient = self.gradient_from_log(self.algebra_log(self._unit_ratio(x, y)))
+        whole = self.axes_last(np.nan_to_num(gradient, nan=0.0))
+        return self.from_unit(np.asarray(self.to_unit(x) @ whole))
 
     def gradient_from_log(self, log: Array) -> Array:
         """-1/2 grad d^2 in the Lie algebra, that is x^-1 times the tangent at x.
@@ -153,37 +199,13 @@ class MatrixGroup(Manifold):
         -------
         array
             ``log`` itself (21), or the exact gradient, of the same shape.
-
-        Notes
-        -----
-        d log(exp(-tE) exp X) / dt = -B(ad_X) E with B(z) = z / (e^z - 1), so the exact gradient is
-        the adjoint series B(ad_X)* X, with ad_X* Z the part of [X', Z] in the algebra. The series
-        converges while eigenvalues of X differ by less than 2 pi, and diverges beyond.
         """
-        if not self.exact_gradient:
-            return log
-        term = log
-        total = log.copy()
-        for i, coefficient in enumerate(bernoulli(2 * BERNOULLI_TERMS), start=1):
-            term = self._adjoint(log, term)
-            total += coefficient * term
-            if i % 2 == 0 and not np.nanmax(np.abs(term), initial=0.0) * abs(coefficient) > 1e-15:
-                break
-        return total
-
-    def _adjoint(self, x: Array, z: Array) -> Array:
-        """[x', z] projected onto the algebra, for ``x`` and ``z`` (free_rows, size, ...)."""
-        whole = np.zeros((self.size, self.size, *x.shape[2:]), dtype=x.dtype)
-        for i in range(self.size):
-            for j in range(self.size):
-                whole[i, j] = sum(x[r, i] * z[r, j] for r in range(self.free_rows))
-                if max(i, j) < self.free_rows:
-                    whole[i, j] -= sum(z[i, r] * x[j, r] for r in range(self.size))
-        return self.onto_algebra(whole[: self.free_rows])
+        return gradient_from_log(self, log) if self.exact_gradient else log
 
     def project_tangent(self, x: Floats, v: Floats) -> Floats:
         """x times the projection of x^-1 v onto the Lie algebra."""
-        return np.asarray(x @ self.axes_last(self.onto_algebra(self._axes_first(solve(x, v)))))
+        whole = self.axes_last(self.onto_algebra(self._unit_ratio(x, v)))
+        return self.from_unit(np.asarray(self.to_unit(x) @ whole))
 
     def random_point(self, rng: np.random.Generator, size: int) -> Floats:
         """Exponentials of random algebra elements of norm 0.1 to 1.5, [size, s, s]."""
@@ -195,130 +217,24 @@ class MatrixGroup(Manifold):
         self, y: Floats, bandwidth: float = 1.0, precise: bool = True, cutoff: float = np.inf
     ) -> PreparedPoints:
         """The points ``y`` [n, s, s]; pairs beyond the cutoff need no logarithm."""
-        return _GroupPoints(self, y, bandwidth, precise, cutoff)
+        unit = self.to_unit(np.asarray(y, dtype=np.float64))
+        origin = None
+        dtype = self._precision(unit, bandwidth, precise)
+        if len(unit) and dtype != np.float32 and (dtype is None or not precise):
+            middle = np.sort(unit, axis=0)[len(unit) // 2]
+            origin = unit[np.argmin(_square_sums(unit - middle))]
+            centred = self.divide(origin, unit)
+            dtype, unit = self._precision(centred, bandwidth, precise), centred
+        if dtype is None:
+            return LogPreparedPoints(self, y, bandwidth)
+        return GroupPoints(self, unit, bandwidth, dtype, cutoff, origin)
+
+    @staticmethod
+    def _precision(unit: Floats, bandwidth: float, precise: bool) -> Precision | None:
+        """The precision of x^-1 y as a sum of products of entries."""
+        magnitude = float(np.max(np.abs(unit), initial=1.0)) ** 2
+        return precision(precise, magnitude * bandwidth, bandwidth)
 
 
-class _GroupPoints(PreparedPoints):
-    """All a = x^-1 y of a block are one matrix product, all a^-1 another one.
-
-    Since sinh |log a|_F >= |a - a^-1|_F / 2, pairs beyond the cutoff need no logarithm.
-    """
-
-    def __init__(
-        self, group: MatrixGroup, y: Floats, bandwidth: float, precise: bool, cutoff: float
-    ) -> None:
-        self.manifold, self.group, self.bandwidth = group, group, bandwidth
-        self.size = len(y)
-        self.block_rows = max(1, CACHE_NUMBERS // max(1, 8 * self.size))
-        magnitude = float(np.max(np.abs(y), initial=1.0)) ** 2
-        self.dtype = precision(precise, magnitude * bandwidth, bandwidth) or np.dtype(np.float64)
-        self.cutoff = cutoff * bandwidth
-        self.columns = self._columns(y.transpose(1, 2, 0))
-        self._points = y
-
-    @cached_property
-    def inverses(self) -> Array:
-        """The inverses of the points, as columns (size, free_rows n)."""
-        return self._columns(inverse(self._points).transpose(2, 1, 0)[:, : self.group.free_rows])
-
-    def _columns(self, entries: Array) -> Array:
-        """Matrices (r, s, n) as one (r, s n)."""
-        whole = np.ascontiguousarray(entries, dtype=self.dtype)
-        return whole.reshape(len(whole), -1)
-
-    def ratios(self, x: Floats) -> Array:
-        """x^-1 y for ``x`` [m, s, s] and all points, (free_rows, m, size, n)."""
-        inverses = np.moveaxis(inverse(x), 0, 1)[: self.group.free_rows].astype(self.dtype)
-        ratio = inverses.reshape(-1, self.group.size) @ self.columns
-        return ratio.reshape(self.group.free_rows, len(x), self.group.size, self.size)
-
-    def sinh2(self, x: Floats, ratio: Array) -> Array:
-        """The squared norms [m, n] of the hyperbolic sines of the logarithms of ``ratio``."""
-        entries = x.transpose(2, 0, 1).astype(self.dtype)
-        reverse = entries.reshape(-1, self.group.size) @ self.inverses
-        reverse = reverse.reshape(self.group.size, len(x), self.group.free_rows, self.size)
-        twice = ratio - reverse.transpose(2, 1, 0, 3)
-        total: Array = np.einsum("imjn,imjn->mn", twice, twice)
-        total *= 0.25
-        return total
-
-    def logs_at(self, ratio: Array, pairs: Integers) -> Array:
-        """The logarithms (free_rows, size, k) of the ``pairs`` [k], flat indices into [m, n]."""
-        place = pairs + pairs // self.size * ((self.group.size - 1) * self.size)
-        chosen = np.empty((self.group.free_rows, self.group.size, len(pairs)), dtype=self.dtype)
-        for j in range(self.group.size):
-            for i, row in enumerate(ratio):
-                row.ravel().take(place, out=chosen[i, j], mode="clip")
-            place += self.size
-        return self.group.algebra_log(chosen, self.cutoff)
-
-    def block(self, x: Floats) -> KernelBlock:
-        return _GroupBlock(self, x)
-
-    def nearest(self, x: Floats, count: int) -> Array:
-        """As ``PreparedPoints.nearest``, with few logarithms.
-
-        The candidates are the first pairs in the order of the lower bound of the distance; all
-        pairs are computed where a further one may still be nearer.
-        """
-        spare = 2 * count + SPARE
-        if spare >= self.size:
-            return super().nearest(x, count)
-        ratio = self.ratios(x)
-        sinh2 = self.sinh2(x, ratio)
-        order = np.argpartition(sinh2, spare, axis=1)[:, : spare + 1]
-        pairs = order + np.arange(len(x))[:, None] * self.size
-        z = length2(self.logs_at(ratio, pairs.ravel())).reshape(order.shape)
-        z = np.sort(z, axis=1)[:, : count + 1]
-        bound = np.arcsinh(np.sqrt(sinh2.ravel()[pairs[:, -1]]))
-        z /= self.bandwidth**2
-        unsure = np.flatnonzero(~(z[:, -1] <= (bound / self.bandwidth) ** 2))
-        if unsure.size:
-            z[unsure] = super().nearest(x[unsure], count)
-        return z
-
-
-class _GroupBlock(KernelBlock):
-    def __init__(self, prepared: _GroupPoints, x: Floats) -> None:
-        self._prepared, self._x = prepared, x
-        ratio = prepared.ratios(x)
-        self._pairs = self._within_cutoff(ratio)
-        if self._pairs is None:
-            whole = np.ascontiguousarray(np.moveaxis(ratio, 2, 1))
-            self._log = prepared.group.algebra_log(whole, prepared.cutoff)
-            self.scaled_sq_dist = self._squares() / prepared.bandwidth**2
-        else:
-            self._log = prepared.logs_at(ratio, self._pairs)
-            self.scaled_sq_dist = np.full((len(x), prepared.size), np.inf, dtype=prepared.dtype)
-            self.scaled_sq_dist.ravel()[self._pairs] = self._squares() / prepared.bandwidth**2
-
-    def _within_cutoff(self, ratio: Array) -> Integers | None:
-        """The pairs that may be within the cutoff, or None where they are too many to save time."""
-        if self._prepared.cutoff > MAX_CUTOFF:
-            return None
-        sinh2 = self._prepared.sinh2(self._x, ratio)
-        near = np.flatnonzero(sinh2 <= np.sinh(SLACK * self._prepared.cutoff) ** 2)
-        return near if near.size < DENSE * sinh2.size else None
-
-    def _squares(self) -> Array:
-        """The squared norms of the logarithms; sets logarithms that do not exist to zero."""
-        squares = length2(self._log)
-        missing = np.isinf(squares)
-        if missing.any():
-            self._log[:, :, missing] = 0.0
-        return squares
-
-    def weighted_sum(self, weights: Array) -> tuple[Floats, Floats]:
-        group = self._prepared.group
-        gradients = group.gradient_from_log(self._log)
-        if self._pairs is None:
-            sums = np.einsum("mn,ijmn->ijm", weights, gradients)
-        else:
-            own, (m, n) = weights.ravel()[self._pairs], weights.shape
-            starts = np.searchsorted(self._pairs, np.arange(0, m * n, n))
-            filled = np.flatnonzero(np.diff(starts, append=len(own)))
-            sums = np.zeros((*gradients.shape[:2], m))
-            if filled.size:
-                sums[:, :, filled] = np.add.reduceat(own * gradients, starts[filled], axis=2)
-        total = weights.sum(axis=1, dtype=np.float64)
-        return self._x @ group.axes_last(sums), total
+def _square_sums(x: Floats) -> Floats:
+    return np.asarray(np.einsum("nij,nij->n", x, x))

@@ -7,10 +7,12 @@ from functools import cache
 import numpy as np
 import numpy.typing as npt
 
-from mssegment.manifolds.base import Array
+from mssegment.geometry.rotations import tangent_basis
+from mssegment.manifolds.affine import affine_logarithm
 from mssegment.manifolds.matrices import gauss_legendre
 from mssegment.manifolds.matrix_group import MatrixGroup
-from mssegment.records import Floats
+from mssegment.manifolds.prepared import Array
+from mssegment.records import Floats, Integers
 
 QUADRATURE_BOUNDS = (4.0, 2.4)
 """Bounds of |tr M + tr M^-1 - 6| / 2 and |tr M - tr M^-1| / 2. Within them, where both traces are
@@ -18,6 +20,13 @@ positive, no eigenvalue is real and negative, and the quadrature applies."""
 SHORTEST_OUTSIDE = 2.2
 """Logarithms of matrices outside of these bounds are longer than this."""
 MAX_ROOTS, MAX_NEWTON_STEPS = 40, 20
+MARGIN = 0.01
+"""Square roots are used where the characteristic polynomial at negative numbers is larger than this
+share of its terms, that is further than about 5 degrees from half a turn."""
+SINGULAR = 1e-15
+"""The determinant of a matrix with largest entry 1 below which it is rounding."""
+MAX_CONDITION = 300.0
+"""The product |M| |M^-1| up to which square roots are used; deflation is more accurate beyond."""
 
 
 _BOUND_FRACTIONS = (0.075, 0.25)
@@ -60,7 +69,8 @@ class SL3(MatrixGroup):
     def algebra_log(self, m: Array, max_norm: float = np.inf) -> Array:
         """The logarithm (17), by quadrature after repeated square roots.
 
-        NaN where no logarithm is real: an eigenvalue is zero, or real and negative.
+        NaN where no logarithm is real: an eigenvalue is zero, or real and negative (but for half a
+        turn, where two of them coincide).
         """
         flat = np.reshape(m, (3, 3, int(np.prod(np.shape(m)[2:]))))
         with np.errstate(all="ignore"):
@@ -73,8 +83,14 @@ class SL3(MatrixGroup):
         return out
 
     def project(self, x: Floats) -> Floats:
-        """``x`` divided by the cube root of its determinant."""
-        return np.asarray(x / np.cbrt(np.linalg.det(x))[..., None, None])
+        """``x`` divided by the cube root of its determinant; there is none near where that is 0."""
+        self.check_finite(x)
+        largest = np.abs(x).max(axis=(-2, -1), initial=0.0)[..., None, None]
+        unit = x / np.where(largest > 0, largest, 1.0)
+        determinant = np.linalg.det(unit)
+        self._refuse(~(np.abs(determinant) > SINGULAR), "it is singular")
+        once = unit / np.cbrt(determinant)[..., None, None]
+        return np.asarray(once / np.cbrt(np.linalg.det(once))[..., None, None])
 
     def constraint_violation(self, x: Floats) -> Floats:
         """The error of the determinant, |det x - 1|."""
@@ -98,11 +114,56 @@ def _log(m: Array, max_norm: float, roots: int) -> Array:
     far = np.flatnonzero(~near)
     if far.size:
         log[:, :, far] = np.nan
-        far = far[_has_real_log(m[:, :, far])]
-        if max_norm > SHORTEST_OUTSIDE and far.size and roots:
-            root = _square_root(m[:, :, far])
-            log[:, :, far] = 2.0 * _log(root, 0.5 * max_norm, roots - 1)
+        if max_norm > SHORTEST_OUTSIDE:
+            _set_far_logs(m, inverse, log, far, max_norm, roots)
     return log
+
+
+def _set_far_logs(
+    m: Array, inverse: Array, log: Array, far: Integers, max_norm: float, roots: int
+) -> None:
+    """Fill in the logarithms of the matrices ``far`` from the identity, NaN where none is real.
+
+    By square roots, which lose digits in proportion to the squared condition number, and to the
+    inverse square of the distance from half a turn; where that is much, by deflation.
+    """
+    some = m[:, :, far]
+    size = np.einsum("ijk,ijk->k", some, some) * np.einsum(
+        "ijk,ijk->k", inverse[:, :, far], inverse[:, :, far]
+    )
+    by_roots = _far_from_negative(some) & (size < MAX_CONDITION**2) & (roots > 0)
+    rooted = far[by_roots]
+    if rooted.size:
+        root = _square_root(m[:, :, rooted])
+        log[:, :, rooted] = 2.0 * _log(root, 0.5 * max_norm, roots - 1)
+    rest = far[~by_roots & np.isfinite(some).all(axis=(0, 1))]
+    if rest.size:
+        log[:, :, rest] = _log_by_deflation(m[:, :, rest].astype(np.float64))
+
+
+def _log_by_deflation(m: Floats) -> Floats:
+    """The logarithms of ``m`` (3, 3, n) by one step of the Schur decomposition.
+
+    A real 3 x 3 matrix has a real eigenvalue z with a left eigenvector q. In an orthonormal basis
+    that ends with q, M = [A b; 0 z], and log M = ln z I + log [A/z b/z; 0 1], an affine map.
+    """
+    stack = np.moveaxis(m, 2, 0)
+    values, vectors = np.linalg.eig(np.swapaxes(stack, 1, 2))
+    usable = (values.imag == 0) & (values.real > 0)
+    best = np.argmax(np.where(usable, values.real, -np.inf), axis=1)
+    row = np.arange(len(stack))
+    z, q = values.real[row, best], vectors.real[row, :, best]
+    exists = usable[row, best]
+    z = np.where(exists, z, 1.0)
+    basis = np.concatenate([tangent_basis(q), q[:, :, None]], axis=2)
+    triangular = np.swapaxes(basis, 1, 2) @ stack @ basis / z[:, None, None]
+    logs = np.zeros_like(stack)
+    affine = affine_logarithm(np.moveaxis(triangular, 0, 2)[:2])
+    logs[:, :2] = np.moveaxis(affine, 2, 0)
+    log_z = np.where(exists, np.log(z), np.nan)
+    out: Floats = np.moveaxis(basis @ logs @ np.swapaxes(basis, 1, 2), 0, 2)
+    _add_to_diagonal(out, log_z)
+    return out
 
 
 @cache
@@ -150,8 +211,8 @@ def _invariants(m: Array) -> tuple[Array, Array, Array]:
     return m[0, 0] + m[1, 1] + m[2, 2], minors, m[0, 0] * a - m[0, 1] * b + m[0, 2] * c
 
 
-def _has_real_log(m: Array) -> npt.NDArray[np.bool_]:
-    """Whether no eigenvalue is real and <= 0.
+def _far_from_negative(m: Array) -> npt.NDArray[np.bool_]:
+    """Whether no eigenvalue is real and <= 0, nor nearly so.
 
     -x is an eigenvalue when x^3 + a x^2 + b x + d = 0, with a the trace, b the sum of the principal
     minors, d the determinant; for d > 0 the cubic has no root x > 0 unless its minimum is <= 0.
@@ -159,7 +220,8 @@ def _has_real_log(m: Array) -> npt.NDArray[np.bool_]:
     a, b, d = _invariants(m)
     discriminant = a * a - 3.0 * b
     x = (np.sqrt(np.maximum(discriminant, 0.0)) - a) / 3.0
-    dips = (discriminant >= 0) & (x > 0) & (((x + a) * x + b) * x + d <= 0)
+    size = ((x + np.abs(a)) * x + np.abs(b)) * x + d
+    dips = (discriminant >= 0) & (x > 0) & (((x + a) * x + b) * x + d <= MARGIN * size)
     return np.asarray(np.isfinite(a) & np.isfinite(b) & (d > 0) & ~dips)
 
 

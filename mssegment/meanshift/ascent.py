@@ -38,7 +38,8 @@ if TYPE_CHECKING:
 Mask = npt.NDArray[np.bool_]
 
 LEADER_STRIDE = 4
-"""Every fourth active trajectory may be followed, besides those that are followed already."""
+"""Every fourth active trajectory, in the order of density, may be followed, besides those that are
+followed already."""
 MIN_PAIRS_TO_FOLLOW = 1 << 13
 """Below this many pairs of active trajectories and points, :func:`follow` costs more than it
 saves."""
@@ -134,9 +135,9 @@ def _shift_block(
         z = (prepared.manifold.dist(x, extra) / prepared.bandwidth)[:, None] ** 2
         profile = profile + kernel.profile(z)[:, 0]
         weight = kernel.weights(z)[0][:, 0].astype(np.float64)
-        summed = summed + _scaled(weight, prepared.manifold.neg_half_grad_sq_dist(x, extra))
+        summed = summed + scaled(weight, prepared.manifold.neg_half_grad_sq_dist(x, extra))
         total = total + weight
-    return _scaled(1.0 / np.where(total > 0, total, 1.0), summed), profile / prepared.size
+    return scaled(1.0 / np.where(total > 0, total, 1.0), summed), profile / prepared.size
 
 
 class Ascent(State):
@@ -221,6 +222,8 @@ class ActiveTrajectories(State):
         The density there [m].
     factor
         The length of the last step in shifts [m], 0 before the first step.
+    length
+        The norm of the shift at the origin of the last step, in bandwidths [m].
     """
 
     index: Integers
@@ -230,20 +233,22 @@ class ActiveTrajectories(State):
     step2: Floats
     density: Floats
     factor: Floats
+    length: Floats
 
     @classmethod
     def from_starts(cls, starts: Floats) -> ActiveTrajectories:
         """All trajectories, at ``starts`` [n, ...]."""
         n = len(starts)
         x = np.asarray(starts, dtype=np.float64)
-        return cls(np.arange(n), x, x, np.zeros_like(x), np.zeros(n), np.zeros(n), np.zeros(n))
+        numbers = [np.zeros(n) for _ in range(4)]
+        return cls(np.arange(n), x, x, np.zeros_like(x), *numbers)
 
     def keep(self, mask: Mask) -> None:
         """Drop the rows outside of ``mask`` [m]."""
         rows = mask.nonzero()[0]
         if len(rows) == len(mask):
             return
-        for name in ("index", "x", "origin", "step", "step2", "density", "factor"):
+        for name in self.__struct_fields__:
             setattr(self, name, getattr(self, name).take(rows, axis=0))
 
     def take_step(
@@ -260,14 +265,16 @@ class ActiveTrajectories(State):
         ``density`` [m] is that at ``x``, ``length`` [m] the norm of the shift in bandwidths. A
         trajectory has converged where the estimated distance to the mode is within ``tolerance``.
         A last step of more than one shift is rejected, and one of a single shift taken instead,
-        where the density fell; or, where the gradient is not exact, where the shift doubled.
+        where the density fell; or, where the gradient is not exact, where the shift doubled. Where
+        the density falls along a single shift, which the curvature of a group can bring about at
+        distances of several units, the step is halved.
         """
         step2 = _dot(step, step)
         if manifold.exact_gradient:
-            rejected = density < (1 - MAX_DENSITY_LOSS) * self.density
+            rejected = ~(density >= (1 - MAX_DENSITY_LOSS) * self.density)
+            rejected &= np.isnan(density) | (self.factor > (0.0 if accelerated else 1.0))
         else:
-            rejected = step2 > 4.0 * self.step2
-        rejected &= self.factor > 1
+            rejected = (step2 > 4.0 * self.step2) & (self.factor > 1)
         longest: Floats | float = 1.0
         if accelerated:
             longest = np.where(length < EXTRAPOLATE_BELOW, MAX_STEP_FACTOR, OVERRELAXATION)
@@ -275,18 +282,21 @@ class ActiveTrajectories(State):
         converged = factor * length <= tolerance
         origin = self.x
         if rejected.any():
-            factor[rejected], converged[rejected] = 1.0, False
             origin = origin.copy()
             for new, old in (
                 (origin, self.origin),
                 (step, self.step),
                 (step2, self.step2),
                 (density, self.density),
+                (length, self.length),
             ):
                 new[rejected] = old[rejected]
+            last = self.factor[rejected]
+            factor[rejected] = np.where(last > 1, 1.0, 0.5 * last)
+            converged[rejected] = (last <= 1) & (factor * length <= tolerance)[rejected]
         self.origin, self.step, self.step2, self.density = origin, step, step2, density
-        self.factor = factor
-        self.x = manifold.exp(origin, _scaled(factor, step))
+        self.factor, self.length = factor, length
+        self.x = manifold.exp(origin, scaled(factor, step))
         return np.asarray(converged)
 
     def _step_factors(self, step: Floats, longest: Floats | float) -> Floats:
@@ -386,7 +396,8 @@ def follow(manifold: Manifold, within: float, ascent: Ascent, active: Integers) 
     independent = ascent.leader == np.arange(len(ascent.leader))
     candidate = np.zeros(len(independent), dtype=bool)
     candidate[ascent.leader[~independent]] = True
-    candidate[active[::LEADER_STRIDE]] = True
+    by_density = active[np.argsort(-ascent.density[active], kind="stable")]
+    candidate[by_density[::LEADER_STRIDE]] = True
     leaders = np.flatnonzero(candidate & independent)
     leaders = leaders[np.argsort(-ascent.density[leaders], kind="stable")]
     rank = np.full(len(independent), len(leaders))
@@ -413,6 +424,6 @@ def _per_row(numbers: npt.NDArray[Any], like: Floats) -> npt.NDArray[Any]:
     return numbers.reshape(len(like), *(1,) * (like.ndim - 1))
 
 
-def _scaled(numbers: Floats, tangents: Floats) -> Floats:
+def scaled(numbers: Floats, tangents: Floats) -> Floats:
     """Each of the ``tangents`` [m, ...] times its number [m]."""
     return np.asarray(_per_row(numbers, tangents) * tangents)

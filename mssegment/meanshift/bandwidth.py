@@ -1,17 +1,21 @@
-"""The bandwidth by a nearest neighbour rule, as the paper chooses it (section 5.1)."""
+"""The bandwidth by nearest neighbour rules: that of the paper (section 5.1), and ``auto``."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from mssegment.manifolds import Manifold, PreparedPoints
+from mssegment.manifolds import Manifold
 from mssegment.records import Floats
-from mssegment.special import median
+from mssegment.special import median, quantile
 
 SAMPLE_SIZE = 256
-"""Points whose neighbour distances are computed: their median hardly changes with more."""
-ROUNDING = 1e-13
-"""Squared distances below this are rounding errors of equal points."""
+"""Points whose neighbour distances are computed: their quantiles hardly change with more."""
+COARSE = 1e-13
+"""Squared distances below this, in the unit of the data, may be rounding errors of the fast
+computation, and are computed again one by one."""
+ROUNDING = 8.0
+"""Distances below this many times the largest distance of a point from itself are rounding errors
+of equal points."""
 
 
 def nearest_neighbour_bandwidth(
@@ -20,8 +24,9 @@ def nearest_neighbour_bandwidth(
     rng: np.random.Generator,
     constant: float = 0.5,
     fraction: float = 0.05,
+    share: float = 0.5,
 ) -> float:
-    """The bandwidth h = ``constant`` x the median distance to a near neighbour.
+    """The bandwidth h = ``constant`` x a quantile of the distances to a near neighbour.
 
     Parameters
     ----------
@@ -30,18 +35,20 @@ def nearest_neighbour_bandwidth(
     points
         The data points [n, ...].
     rng
-        Draws the sample of 256 points over which the median is taken.
+        Draws the sample of 256 points over which the quantile is taken.
     constant
         The factor.
     fraction
         The neighbour is the (``fraction`` n)-th nearest other point, at least the first.
+    share
+        The quantile: 0.5 is the median.
 
     Returns
     -------
     float
-        h, in the manifold's distance; always positive. Where more than half of the points coincide
-        with that many others, half the smallest positive distance replaces the median, or 1 where
-        all points are equal. Fewer than two points give h = 1.
+        h, in the manifold's distance; always positive. Where more than ``share`` of the points
+        coincide with that many others, half the smallest positive distance replaces the quantile,
+        or 1 where all points are equal. Fewer than two points give h = 1.
 
     Examples
     --------
@@ -56,21 +63,51 @@ def nearest_neighbour_bandwidth(
         return 1.0
     sample = points if n <= SAMPLE_SIZE else points[rng.choice(n, SAMPLE_SIZE, replace=False)]
     neighbour = min(max(1, round(fraction * n)), n - 1)
-    prepared = manifold.prepare(points)
+    noise = ROUNDING * float(manifold.dist(sample, sample).max(initial=0.0))
+    unit = _unit_of_distance(manifold, sample, noise)
+    prepared = manifold.prepare(points, unit)
     starts = range(0, len(sample), prepared.block_rows)
-    blocks = [sample[start : start + prepared.block_rows] for start in starts]
-    nearest = np.concatenate([prepared.nearest(block, neighbour)[:, -1] for block in blocks])
-    finite = nearest[np.isfinite(nearest)]
-    distance = median(np.sqrt(np.maximum(finite, 0.0))) if finite.size else 0.0
-    if distance <= np.sqrt(ROUNDING):
-        distance = 0.5 * _smallest_distance(prepared, blocks)
-    return constant * distance
+    nearest = np.concatenate(
+        [
+            prepared.nearest(sample[start : start + prepared.block_rows], neighbour)[:, -1]
+            for start in starts
+        ]
+    )
+    scaled = _quantile(np.maximum(nearest, 0.0), share)
+    if scaled <= max(np.sqrt(COARSE), noise / unit):
+        return constant * _one_by_one(manifold, points, sample, neighbour, share, noise)
+    return constant * scaled * unit
 
 
-def _smallest_distance(prepared: PreparedPoints, blocks: list[Floats]) -> float:
-    """The smallest positive distance from a point in ``blocks``, 2 where there is none."""
-    smallest = np.inf
-    for block in blocks:
-        z = prepared.block(block).scaled_sq_dist
-        smallest = min(smallest, float(z.min(initial=np.inf, where=z > ROUNDING)))
-    return float(np.sqrt(smallest)) if np.isfinite(smallest) else 2.0
+def _unit_of_distance(manifold: Manifold, sample: Floats, noise: float) -> float:
+    """A power of two of the size of the distances in ``sample``; 1 where all points are equal.
+
+    In this unit the computation is the same to the last bit whatever the scale of the data.
+    """
+    apart = manifold.dist(sample, np.roll(sample, len(sample) // 2, axis=0))
+    positive = apart[np.isfinite(apart) & (apart > noise)]
+    return float(2.0 ** np.round(np.log2(median(positive)))) if positive.size else 1.0
+
+
+def _quantile(squares: Floats, share: float) -> float:
+    """The quantile of the square roots of what is finite, 0 where nothing is."""
+    roots = np.sqrt(squares[np.isfinite(squares)])
+    if not roots.size:
+        return 0.0
+    return median(roots) if share == 0.5 else float(quantile(roots, share))
+
+
+def _one_by_one(
+    manifold: Manifold, points: Floats, sample: Floats, neighbour: int, share: float, noise: float
+) -> float:
+    """The quantile from ``Manifold.dist``; half the smallest distance above ``noise`` instead."""
+    nearest, smallest = [], np.inf
+    for point in sample:
+        distances = manifold.dist(np.broadcast_to(point, points.shape), points)
+        nearest.append(np.partition(distances, neighbour)[neighbour])
+        smallest = min(smallest, distances.min(initial=np.inf, where=distances > noise))
+    ordered = np.sort([distance for distance in nearest if np.isfinite(distance)])
+    found = float(ordered[int(share * (len(ordered) - 1))]) if len(ordered) else 0.0
+    if found > noise:
+        return found
+    return 0.5 * float(smallest) if np.isfinite(smallest) else 1.0

@@ -25,6 +25,11 @@ if TYPE_CHECKING:
     from concurrent.futures import Executor
 
 
+TIE_DECIMALS = 6
+"""Modes whose kernel sums agree to so many decimals, such as isolated points, are ranked by their
+first point instead of by rounding errors."""
+
+
 class MeanShift:
     """Clustering by the modes of the kernel density (7) of points on a manifold.
 
@@ -204,7 +209,10 @@ class MeanShift:
         modes, densities, labels = found.modes, found.densities, found.labels
         counts = np.bincount(labels[labels >= 0], minlength=len(modes))
         kept = np.flatnonzero(counts >= max(1, self.min_count))
-        kept = kept[np.argsort(-densities[kept], kind="stable")]
+        first = np.full(len(modes) + 1, len(labels))
+        np.minimum.at(first, labels, np.arange(len(labels)))
+        sums = np.round(densities[kept] * len(labels), TIE_DECIMALS)
+        kept = kept[np.lexsort((first[kept], -sums))]
         place = np.full(len(modes) + 1, -1)
         place[kept] = np.arange(len(kept))
         self.modes_, self.densities_, self.counts_ = modes[kept], densities[kept], counts[kept]

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mssegment.manifolds import Manifold, PreparedPoints
-from mssegment.meanshift.ascent import Ascent, Mask, Prune, ascend, follow
+from mssegment.meanshift.ascent import Ascent, Mask, Prune, ascend, follow, scaled
 from mssegment.meanshift.kernels import Kernel
 from mssegment.meanshift.modes import merge
 from mssegment.records import Floats, Integers, Record, State
@@ -25,6 +25,8 @@ TRAJECTORY_TOLERANCE, MODE_TOLERANCE = 1e-2, 3e-4
 """The distance from the mode, in bandwidths, at which a trajectory, or a refined mode, ends."""
 PERTURBATION = 0.1
 """The perturbation of a possible saddle point, in bandwidths; a mode attracts it again."""
+NOT_VERY_NEAR = 0.5
+"""The perturbation is towards the nearest point that is further than this many bandwidths."""
 ISOLATED = 1e-2
 """A point is isolated where the kernel sum without its own term is less than this.
 
@@ -115,19 +117,44 @@ class ModeSearch(Record, frozen=True):
         return self.merge(refined.x, refined.density, self.merge_within)
 
     def escape_saddles(
-        self, prepared: PreparedPoints, x: Floats, density: Floats, rng: np.random.Generator
+        self,
+        points: Floats,
+        prepared: PreparedPoints,
+        x: Floats,
+        density: Floats,
+        rng: np.random.Generator,
     ) -> tuple[Integers, Floats]:
         """Perturb the ends ``x`` and ascend again, until most have returned to their end.
 
         Returns the indices of those that have not returned, which may be saddle points, and where
         their perturbed copies are.
         """
-        push = PERTURBATION * self.bandwidth * self.manifold.random_tangent(x, rng)
+        push = PERTURBATION * self.bandwidth * self._directions(points, prepared, x, rng)
         check = _ReturnCheck(self, x, density)
         perturbed = self.manifold.exp(x, push)
         ascent = self.ascend(prepared, perturbed, TRAJECTORY_TOLERANCE, prune=check)
         escaped = np.flatnonzero(~check.returned)
         return escaped, ascent.x[escaped]
+
+    def _directions(
+        self, points: Floats, prepared: PreparedPoints, x: Floats, rng: np.random.Generator
+    ) -> Floats:
+        """Unit tangents at ``x`` to the nearest of the points that are not very near.
+
+        Unlike random ones they do not depend on coordinates, nor on the order of the points. Random
+        ones replace those that do not exist.
+        """
+        directions = self.manifold.random_tangent(x, rng)
+        for start in range(0, len(x), prepared.block_rows):
+            rows = slice(start, start + prepared.block_rows)
+            z = prepared.block(x[rows]).scaled_sq_dist
+            z[z < NOT_VERY_NEAR**2] = np.inf
+            nearest = np.argmin(z, axis=1)
+            pull = self.manifold.neg_half_grad_sq_dist(x[rows], points[nearest])
+            length = self.manifold.norm(x[rows], pull)
+            usable = np.isfinite(z[np.arange(len(z)), nearest]) & (length > 0)
+            directions[rows][usable] = scaled(1.0 / length[usable], pull[usable])
+        return directions
 
     def refine_without_saddles(
         self, points: Floats, x: Floats, copies: Floats, of: Integers
@@ -161,7 +188,7 @@ class ModeSearch(Record, frozen=True):
         at_rest = np.flatnonzero(ascent.converged[merged])
         suspects = merged[at_rest]
         escaped, copies = self.escape_saddles(
-            prepared, ascent.x[suspects], ascent.density[suspects], rng
+            points, prepared, ascent.x[suspects], ascent.density[suspects], rng
         )
         x, density, second = self.refine_without_saddles(
             points, ascent.x[merged], copies, at_rest[escaped]
