@@ -46,6 +46,11 @@ MANIFOLDS: Registry[Any] = Registry(
     {
         "euclidean": "mssegment.manifolds.euclidean:Euclidean",
         "grassmann": "mssegment.manifolds.grassmann:Grassmann",
+        "sphere": "mssegment.manifolds.sphere:Sphere",
+        "stiefel": "mssegment.manifolds.stiefel:Stiefel",
+        "spd": "mssegment.manifolds.spd:SPD",
+        "essential": "mssegment.manifolds.essential:Essential",
+        "product": "mssegment.manifolds.product:Product",
         "affine": "mssegment.manifolds.affine:AffineGroup",
         "similarity": "mssegment.manifolds.sim2:Sim2",
         "special_linear": "mssegment.manifolds.sl3:SL3",

@@ -11,14 +11,19 @@ import re
 from mssegment.errors import ConfigurationError
 from mssegment.manifolds.affine import AffineGroup as AffineGroup
 from mssegment.manifolds.base import Manifold
+from mssegment.manifolds.essential import Essential as Essential
 from mssegment.manifolds.euclidean import Euclidean as Euclidean
 from mssegment.manifolds.grassmann import Grassmann as Grassmann
 from mssegment.manifolds.matrix_group import MatrixGroup
 from mssegment.manifolds.prepared import Array, KernelBlock, PreparedPoints
+from mssegment.manifolds.product import Product as Product
 from mssegment.manifolds.rotations import Rotations as Rotations
 from mssegment.manifolds.se2 import SE2 as SE2
 from mssegment.manifolds.se3 import SE3 as SE3
 from mssegment.manifolds.sl3 import SL3 as SL3
+from mssegment.manifolds.spd import SPD as SPD
+from mssegment.manifolds.sphere import Sphere as Sphere
+from mssegment.manifolds.stiefel import Stiefel as Stiefel
 from mssegment.registry import MANIFOLDS
 
 ALIASES = {
@@ -92,6 +97,7 @@ __all__ = [
     "from_name",
 ]
 __all__ += ["SE2", "SE3", "SL3", "AffineGroup", "Euclidean", "Grassmann", "Rotations"]
+__all__ += ["SPD", "Essential", "Product", "Sphere", "Stiefel"]
 
 
 def __getattr__(name: str) -> type[Manifold]:

@@ -96,6 +96,30 @@ class Manifold(ABC):
             Where there is none.
         """
 
+    @classmethod
+    def from_shape(cls, shape: tuple[int, ...]) -> Manifold:
+        """The member of the family whose points are arrays of this shape.
+
+        Raises
+        ------
+        ConfigurationError
+            Where there is none, or the shape does not say which.
+        """
+        raise ConfigurationError(
+            f"the shape {shape} of the points does not say which member of the family "
+            f"{cls.__name__} is meant: name one, for instance {cls.examples[0]}"
+        )
+
+    @staticmethod
+    def expect_axes(family: str, shape: tuple[int, ...], axes: int) -> tuple[int, ...]:
+        """``shape``, or a ConfigurationError where it has not so many axes."""
+        if len(shape) != axes:
+            kind = "vectors" if axes == 1 else "matrices"
+            raise ConfigurationError(
+                f"points of {family} are {kind}, found arrays of shape {shape}"
+            )
+        return shape
+
     @property
     @abstractmethod
     def name(self) -> str:

@@ -53,6 +53,11 @@ class Euclidean(Manifold):
         """R^n from ``(n,)``."""
         return cls(*parse_integers("euclidean", arguments, "n"))
 
+    @classmethod
+    def from_shape(cls, shape: tuple[int, ...]) -> Euclidean:
+        """R^n for vectors of n numbers."""
+        return cls(*cls.expect_axes("euclidean", shape, 1))
+
     @property
     def name(self) -> str:
         """``euclidean(n)``."""

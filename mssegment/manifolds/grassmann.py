@@ -21,11 +21,13 @@ from mssegment.manifolds.prepared import (
     PreparedPoints,
     precision,
 )
+from mssegment.manifolds.sphere import UnitVectorPoints
 from mssegment.records import Floats, Integers
 
 EMBED_ROWS = 4096
 """Points that are embedded at a time, to bound the memory."""
 _TINY = 1e-300
+METRICS = ("chordal", "geodesic")
 MAX_SERIES = 4.0
 """For longer tangents the series of the exponential loses digits to its doublings, and the SVD is
 used."""
@@ -40,7 +42,8 @@ class Grassmann(Manifold):
     the same subspace. The exponential is (15). The distance is (12), which the paper calls arc
     length; it is the chordal distance |xx' - yy'|_F / sqrt 2, the norm of the sines of the
     principal angles: a metric, but shorter than the geodesic. ``neg_half_grad_sq_dist`` is the
-    exact gradient of its square.
+    exact gradient of its square. With the metric ``geodesic`` the distance is the norm of the
+    angles, and its gradient the logarithm, which takes an SVD for each pair unless k = 1.
 
     Parameters
     ----------
@@ -48,6 +51,8 @@ class Grassmann(Manifold):
         N, the dimension of the space.
     k
         The dimension of the subspaces, 1 <= k < N.
+    metric
+        ``chordal`` or ``geodesic``.
 
     Raises
     ------
@@ -70,24 +75,43 @@ class Grassmann(Manifold):
     0.0
     """
 
-    examples = ("grassmann(3,1)", "grassmann(4,2)", "grassmann(10,3)", "grassmann(13,4)")
-    dist_is_geodesic = False
+    examples = (
+        "grassmann(3,1)",
+        "grassmann(4,2)",
+        "grassmann(10,3)",
+        "grassmann(13,4)",
+        "grassmann(3,1,geodesic)",
+        "grassmann(5,2,geodesic)",
+    )
     basis_free = True
 
-    def __init__(self, n: int, k: int) -> None:
+    def __init__(self, n: int, k: int, metric: str = "chordal") -> None:
         if not 1 <= k < n:
             raise ConfigurationError(f"grassmann({n},{k}) is no manifold: use 1 <= k < N")
-        self.n, self.k = n, k
+        if metric not in METRICS:
+            raise ConfigurationError(
+                f"the metrics of grassmann are {' and '.join(METRICS)}, found {metric!r}"
+            )
+        self.n, self.k, self.metric = n, k, metric
+        self.dist_is_geodesic = metric == "geodesic"
 
     @classmethod
     def from_arguments(cls, arguments: tuple[str, ...]) -> Grassmann:
-        """G(N, k) from ``(N, k)``."""
-        return cls(*parse_integers("grassmann", arguments, "N,k"))
+        """G(N, k) from ``(N, k)`` or ``(N, k, metric)``."""
+        metric = arguments[2:] if arguments[2:] in ((name,) for name in METRICS) else ()
+        sizes = parse_integers("grassmann", arguments[: len(arguments) - len(metric)], "N,k")
+        return cls(*sizes, *metric)
+
+    @classmethod
+    def from_shape(cls, shape: tuple[int, ...]) -> Grassmann:
+        """G(N, k) for bases of this shape."""
+        return cls(*cls.expect_axes("grassmann", shape, 2))
 
     @property
     def name(self) -> str:
-        """``grassmann(N,k)``."""
-        return f"grassmann({self.n},{self.k})"
+        """``grassmann(N,k)`` or ``grassmann(N,k,geodesic)``."""
+        metric = ",geodesic" if self.dist_is_geodesic else ""
+        return f"grassmann({self.n},{self.k}{metric})"
 
     @property
     def dim(self) -> int:
@@ -168,15 +192,21 @@ class Grassmann(Manifold):
         return np.asarray(np.einsum("...ij,...ij->...", u, v))
 
     def dist(self, x: Floats, y: Floats) -> Floats:
-        """Equation (12), d^2 = k - tr(x' y y' x), as |(I - xx') y|_F to avoid cancellation."""
+        """Equation (12), d^2 = k - tr(x' y y' x), as |(I - xx') y|_F to avoid cancellation; or the
+        norm of the principal angles.
+        """
+        if self.dist_is_geodesic:
+            return np.asarray(np.linalg.norm(self.principal_angles(x, y), axis=-1))
         return np.asarray(np.linalg.norm(_normal_part(x, y), axis=(-2, -1)))
 
     def neg_half_grad_sq_dist(self, x: Floats, y: Floats) -> Floats:
         """(I - xx') y y' x, that is -1/2 grad d^2.
 
         Equation (13) omits the factor 2 of the derivative of a square; so (14) is the mean shift
-        step (9), exactly.
+        step (9), exactly. The logarithm where the metric is geodesic.
         """
+        if self.dist_is_geodesic:
+            return self.log(x, y)
         return _normal_part(x, y @ (_t(y) @ x))
 
     def project(self, x: Floats) -> Floats:
@@ -205,7 +235,9 @@ class Grassmann(Manifold):
     ) -> PreparedPoints:
         """The points ``y`` [n, N, k] as projectors, of which d^2 is a dot product; no cutoff."""
         dtype = precision(precise, self.k, bandwidth)
-        if dtype is None:
+        if self.dist_is_geodesic and self.k == 1 and dtype is not None:
+            return UnitVectorPoints(self, y, bandwidth, dtype, antipodal=True)
+        if dtype is None or self.dist_is_geodesic:
             return LogPreparedPoints(self, y, bandwidth)
         return _ProjectorPoints(self, y, bandwidth, dtype)
 

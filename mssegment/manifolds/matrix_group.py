@@ -92,6 +92,16 @@ class MatrixGroup(Manifold):
             exact=bool(options.get("exact")), length_scale=float(options.get("length_scale", 1.0))
         )
 
+    @classmethod
+    def from_shape(cls, shape: tuple[int, ...]) -> MatrixGroup:
+        """The group whose matrices have this shape."""
+        if shape != (cls.size, cls.size):
+            raise ConfigurationError(
+                f"points of {cls.family}({cls.order}) are {cls.size} x {cls.size} matrices, found "
+                f"arrays of shape {shape}"
+            )
+        return cls()
+
     @property
     def name(self) -> str:
         """``family(order)``, with ``,exact`` and ``,length_scale=NUMBER`` where they apply."""

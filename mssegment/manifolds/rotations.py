@@ -67,6 +67,11 @@ class Rotations(MatrixGroup):
             raise ConfigurationError(f"no manifold is called {cls.family}({found}): use {names}")
         return cls(int(arguments[0]))
 
+    @classmethod
+    def from_shape(cls, shape: tuple[int, ...]) -> Rotations:
+        """SO(n) for n x n matrices."""
+        return cls(cls.expect_axes(cls.family, shape, 2)[0])
+
     @property
     def name(self) -> str:
         """``special_orthogonal(n)``."""
