@@ -118,13 +118,13 @@ class Essential(Manifold):
 
     def neg_half_grad_sq_dist(self, x: Floats, y: Floats) -> Floats:
         """The gradient in R^9, projected, in the inner product of this manifold."""
-        return self._gradient(x, self._lines.neg_half_grad_sq_dist(_line(x), _line(y)))
+        return self.gradient_of_line(x, self._lines.neg_half_grad_sq_dist(_line(x), _line(y)))
 
     @property
     def _lines(self) -> Grassmann:
         return Grassmann(9, 1)
 
-    def _gradient(self, x: Floats, ambient: Floats) -> Floats:
+    def gradient_of_line(self, x: Floats, ambient: Floats) -> Floats:
         """The tangent that represents the derivative ``ambient`` [..., 9, 1] at the line of x."""
         u, q = _factors(x)
         m = _horizontal(
@@ -168,6 +168,7 @@ class Essential(Manifold):
 class _LinePoints(PreparedPoints):
     def __init__(self, manifold: Essential, y: Floats, bandwidth: float, precise: bool) -> None:
         self.manifold, self.size, self.bandwidth = manifold, len(y), bandwidth
+        self.gradient = manifold.gradient_of_line
         self.lines = Grassmann(9, 1).prepare(_line(y), bandwidth, precise)
         self.block_rows = self.lines.block_rows
 
@@ -177,13 +178,13 @@ class _LinePoints(PreparedPoints):
 
 class _LineBlock(KernelBlock):
     def __init__(self, prepared: _LinePoints, x: Floats) -> None:
-        self._manifold, self._x = prepared.manifold, x
+        self._gradient, self._x = prepared.gradient, x
         self._block = prepared.lines.block(_line(x))
         self.scaled_sq_dist = self._block.scaled_sq_dist
 
     def weighted_sum(self, weights: Array) -> tuple[Floats, Floats]:
         summed, total = self._block.weighted_sum(weights)
-        return self._manifold._gradient(self._x, summed), total
+        return self._gradient(self._x, summed), total
 
 
 def _t(x: Floats) -> Floats:
@@ -222,7 +223,8 @@ def _along_fibre(pair: Floats) -> Floats:
     def vectors(angle: Floats) -> Floats:
         axis = angle[..., None] * np.array([0.0, 0.0, 1.0])
         turned = pair @ rotation(axis)[:, None]
-        return np.moveaxis(rotation_vectors(np.moveaxis(turned, (-2, -1), (0, 1))), 0, -1)
+        found = rotation_vectors(np.moveaxis(turned, (-2, -1), (0, 1)))
+        return np.asarray(np.moveaxis(found, 0, -1), dtype=np.float64)
 
     step = 2.0 * np.pi / GRID
     grid = step * np.arange(GRID)

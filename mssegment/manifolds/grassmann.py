@@ -98,14 +98,15 @@ class Grassmann(Manifold):
     @classmethod
     def from_arguments(cls, arguments: tuple[str, ...]) -> Grassmann:
         """G(N, k) from ``(N, k)`` or ``(N, k, metric)``."""
-        metric = arguments[2:] if arguments[2:] in ((name,) for name in METRICS) else ()
-        sizes = parse_integers("grassmann", arguments[: len(arguments) - len(metric)], "N,k")
-        return cls(*sizes, *metric)
+        named = arguments[2:] in [(name,) for name in METRICS]
+        n, k = parse_integers("grassmann", arguments[:2] if named else arguments, "N,k")
+        return cls(n, k, arguments[2] if named else METRICS[0])
 
     @classmethod
     def from_shape(cls, shape: tuple[int, ...]) -> Grassmann:
         """G(N, k) for bases of this shape."""
-        return cls(*cls.expect_axes("grassmann", shape, 2))
+        n, k = cls.expect_axes("grassmann", shape, 2)
+        return cls(n, k)
 
     @property
     def name(self) -> str:

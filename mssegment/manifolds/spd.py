@@ -59,13 +59,13 @@ class SPD(Manifold):
     @classmethod
     def from_arguments(cls, arguments: tuple[str, ...]) -> SPD:
         """From ``(n,)`` or ``(n, metric)``."""
-        sizes = parse_integers("spd", arguments[:1], "n")
-        if arguments[1:] and arguments[1:] not in ((metric,) for metric in METRICS):
+        (n,) = parse_integers("spd", arguments[:1], "n")
+        if arguments[1:] and arguments[1:] not in [(metric,) for metric in METRICS]:
             raise ConfigurationError(
                 f"no manifold is called spd({','.join(arguments)}): the metrics are "
                 f"{' and '.join(METRICS)}"
             )
-        return cls(*sizes, *arguments[1:])
+        return cls(n, arguments[1] if arguments[1:] else METRICS[0])
 
     @classmethod
     def from_shape(cls, shape: tuple[int, ...]) -> SPD:
@@ -93,25 +93,25 @@ class SPD(Manifold):
         return (self.n, self.n)
 
     def exp(self, x: Floats, v: Floats) -> Floats:
-        """L exp(L^-1 v L^-T) L' with x = L L'; or exp(log x + D log(x)[v])."""
+        """r exp(r^-1 v r^-1) r with r = x^1/2; or exp(log x + D log(x)[v])."""
         if self.is_affine:
-            lower = np.linalg.cholesky(x)
-            return _symmetric(lower @ symmetric_function(np.exp, whiten(lower, v)) @ _t(lower))
+            root, inverse = square_roots(x)
+            return _symmetric(root @ symmetric_function(np.exp, _around(inverse, v)) @ root)
         return symmetric_function(np.exp, symmetric_function(np.log, x) + self._from_tangent(x, v))
 
     def log(self, x: Floats, y: Floats) -> Floats:
         """The inverse of ``exp``; it exists and is unique everywhere."""
         if self.is_affine:
-            lower = np.linalg.cholesky(x)
-            return _symmetric(lower @ symmetric_function(np.log, whiten(lower, y)) @ _t(lower))
+            root, inverse = square_roots(x)
+            return _symmetric(root @ symmetric_function(np.log, _around(inverse, y)) @ root)
         difference = symmetric_function(np.log, y) - symmetric_function(np.log, x)
         return self._to_tangent(x, difference)
 
     def inner(self, x: Floats, u: Floats, v: Floats) -> Floats:
         """tr(x^-1 u x^-1 v); or that of the derivatives of the logarithm."""
         if self.is_affine:
-            lower = np.linalg.cholesky(x)
-            u, v = whiten(lower, u), whiten(lower, v)
+            _, inverse = square_roots(x)
+            u, v = _around(inverse, u), _around(inverse, v)
         else:
             u, v = self._from_tangent(x, u), self._from_tangent(x, v)
         return np.asarray(np.sum(u * v, axis=(-2, -1)))
@@ -119,7 +119,7 @@ class SPD(Manifold):
     def dist(self, x: Floats, y: Floats) -> Floats:
         """The length of the logarithm, from generalized eigenvalues or from matrix logarithms."""
         if self.is_affine:
-            values = np.linalg.eigvalsh(whiten(np.linalg.cholesky(x), y))
+            values = np.linalg.eigvalsh(_around(square_roots(x)[1], y))
             return np.asarray(np.linalg.norm(np.log(values), axis=-1))
         difference = symmetric_function(np.log, y) - symmetric_function(np.log, x)
         return np.asarray(np.linalg.norm(difference, axis=(-2, -1)))
@@ -187,8 +187,8 @@ class _AffinePoints(PreparedPoints):
 
 class _AffineBlock(KernelBlock):
     def __init__(self, prepared: _AffinePoints, x: Floats) -> None:
-        self._lower = np.linalg.cholesky(x)
-        ratio = whiten(self._lower[:, None], prepared.y[None])
+        self._root, inverse = square_roots(x)
+        ratio = _around(inverse[:, None], prepared.y[None])
         self._values, self._vectors = symmetric_eigen(ratio)
         self._values = np.log(self._values)
         self.scaled_sq_dist = np.einsum("mni,mni->mn", self._values, self._values)
@@ -199,7 +199,7 @@ class _AffineBlock(KernelBlock):
         size = self._vectors.shape[-1]
         columns = np.moveaxis(self._vectors, 2, 1).reshape(len(weights), size, -1)
         scaled = columns * (self._values * weights[..., None]).reshape(len(weights), 1, -1)
-        return self._lower @ (scaled @ _t(columns)) @ _t(self._lower), total
+        return self._root @ (scaled @ _t(columns)) @ self._root, total
 
 
 class _LogPoints(PreparedPoints):
@@ -255,11 +255,16 @@ def symmetric_eigen(x: Floats) -> tuple[Floats, Floats]:
     return np.stack([larger, smaller], axis=-1), vectors
 
 
-def whiten(lower: Floats, y: Floats) -> Floats:
-    """L^-1 y L^-T for lower triangular ``lower`` and symmetric ``y`` [..., n, n]."""
-    identity = np.broadcast_to(np.eye(lower.shape[-1]), lower.shape)
-    inverse = np.linalg.solve(lower, identity)
-    return _symmetric(inverse @ y @ _t(inverse))
+def square_roots(x: Floats) -> tuple[Floats, Floats]:
+    """x^1/2 and x^-1/2 of symmetric positive definite matrices [..., n, n]."""
+    values, q = np.linalg.eigh(x)
+    root = np.sqrt(values)[..., None, :]
+    return np.asarray((q * root) @ _t(q)), np.asarray((q / root) @ _t(q))
+
+
+def _around(inverse: Floats, y: Floats) -> Floats:
+    """x^-1/2 y x^-1/2, with ``inverse`` = x^-1/2."""
+    return _symmetric(inverse @ y @ inverse)
 
 
 def _divided(x: Floats) -> tuple[Floats, Floats]:
