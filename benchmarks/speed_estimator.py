@@ -10,7 +10,7 @@ import numpy as np
 from benchmarks.data import sequence_subspaces
 from benchmarks.timing import Row, Work, embedded, floor_pass, ratio, three_clusters
 from mssegment.manifolds import AffineGroup, Grassmann, Manifold
-from mssegment.meanshift import MeanShift, mean_shift_to_convergence
+from mssegment.meanshift import MeanShift, mean_shift_to_convergence, nearest_neighbour_bandwidth
 from mssegment.records import Floats
 
 
@@ -34,8 +34,8 @@ def grassmann(
 ) -> Iterator[Row]:
     """The whole clustering over one pass, and the agreement."""
     points = three_clusters(manifold, n)[0] if points is None else points
-    estimator = MeanShift(manifold, bandwidth_constant=constant)
-    bandwidth = estimator.fit(points).bandwidth_
+    bandwidth = bandwidth_of(manifold, points, constant)
+    estimator = MeanShift(manifold, bandwidth)
     one_pass = partial(floor_pass, embedded(points), manifold.k, bandwidth)
     name = f"G({manifold.n},{manifold.k}) n={n} c={constant}"
     yield from _against(name, estimator, points, "floor pass", one_pass, goal)
@@ -45,9 +45,14 @@ def affine(n: int, goal: float, constant: float = 0.5) -> Iterator[Row]:
     """A(2): the whole clustering over all n x n closed-form logarithms once."""
     manifold = AffineGroup()
     points = three_clusters(manifold, n)[0]
-    estimator = MeanShift(manifold, bandwidth_constant=constant)
+    estimator = MeanShift(manifold, bandwidth_of(manifold, points, constant))
     logs = partial(all_logarithms, manifold, points)
     yield from _against(f"A(2) n={n} c={constant}", estimator, points, "pass of logs", logs, goal)
+
+
+def bandwidth_of(manifold: Manifold, points: Floats, constant: float) -> float:
+    """The bandwidth of the paper's rule, with another constant."""
+    return nearest_neighbour_bandwidth(manifold, points, np.random.default_rng(0), constant)
 
 
 def all_logarithms(manifold: Manifold, points: Floats) -> None:
@@ -72,7 +77,7 @@ def agreement(found: MeanShift, points: Floats) -> tuple[float, float]:
     A mode differs when it is further than half a bandwidth from where the plain trajectory ends;
     the distance is the largest over the others, in bandwidths.
     """
-    ends, _ = mean_shift_to_convergence(found.manifold, points, found.bandwidth_)
-    away = found.manifold.dist(found.modes_[found.labels_], ends) / found.bandwidth_
+    ends, _ = mean_shift_to_convergence(found.manifold_, points, found.bandwidth_)
+    away = found.manifold_.dist(found.modes_[found.labels_], ends) / found.bandwidth_
     other = away > 0.5
     return float(np.mean(other)), float(np.max(away[~other], initial=0.0))

@@ -9,6 +9,7 @@ from functools import partial
 import numpy as np
 from scipy.linalg import expm, logm
 
+from benchmarks.speed_estimator import bandwidth_of
 from benchmarks.timing import Row, embedded, seconds, three_clusters
 from mssegment.manifolds import AffineGroup, Grassmann, Manifold
 from mssegment.meanshift import MeanShift, mean_shift_to_convergence
@@ -24,7 +25,7 @@ def rows() -> Iterator[Row]:
 
 
 def _ours(manifold: Manifold, points: Floats) -> tuple[MeanShift, float]:
-    estimator = MeanShift(manifold).fit(points)
+    estimator = MeanShift(manifold, bandwidth_of(manifold, points, 0.5)).fit(points)
     return estimator, min(seconds(partial(estimator.fit, points)) for _ in range(5))
 
 
@@ -42,7 +43,7 @@ def scikit_learn(goal: float = 300.0) -> Row:
     estimator, ours = _ours(Grassmann(10, 3), points)
     flat = embedded(points)
     # The radius at which a flat kernel finds the clusters: the neighbour distance, not half of it.
-    radius = np.sqrt(2.0) * estimator.bandwidth_ / estimator.bandwidth_constant
+    radius = np.sqrt(2.0) * estimator.bandwidth_ / 0.5
     peer = Peer(bandwidth=radius)
     theirs = seconds(partial(peer.fit, flat))
     note = f"{theirs:.2f} s / {ours:.4f} s; flat kernel of radius {radius:.2f}, "

@@ -7,7 +7,15 @@ import pytest
 
 from mssegment.errors import ConfigurationError, DataError
 from mssegment.manifolds import MANIFOLDS, Euclidean, Grassmann, Manifold, from_name
-from mssegment.meanshift import KERNELS, MeanShift, kernel_named, mean_shift_to_convergence
+from mssegment.meanshift import (
+    KERNELS,
+    MeanShift,
+    ModeSearch,
+    find_clusters,
+    kernel_named,
+    mean_shift_to_convergence,
+    nearest_neighbour_bandwidth,
+)
 from mssegment.meanshift.ascent import OVERRELAXATION, ascend, shift
 
 NAMES = [name for family in MANIFOLDS.values() for name in family.examples]
@@ -15,6 +23,11 @@ EXACT = [name for name in NAMES if from_name(name).exact_gradient]
 WIDE = [name for name in NAMES if from_name(name).dim > 1]
 """On a line the scattered points cover the clusters."""
 GROUPS = [name for name in NAMES if from_name(name).left_invariant]
+
+
+def narrow(manifold: Manifold, points, constant=0.5):
+    """The bandwidth of the paper's rule."""
+    return nearest_neighbour_bandwidth(manifold, points, np.random.default_rng(0), constant)
 
 
 def clusters(manifold: Manifold, rng, n=60, spread=0.04, count=3, scattered=0.4):
@@ -31,7 +44,7 @@ def clusters(manifold: Manifold, rng, n=60, spread=0.04, count=3, scattered=0.4)
 def test_finds_the_clusters(name, rng):
     manifold = from_name(name)
     points, inside, centres = clusters(manifold, rng, n=150)
-    found = MeanShift(manifold).fit(points)
+    found = MeanShift(manifold, narrow(manifold, points)).fit(points)
     labels = found.labels_[: len(inside)]
     for i in range(3):
         values, counts = np.unique(labels[inside == i], return_counts=True)
@@ -47,7 +60,7 @@ def test_finds_the_clusters(name, rng):
 def test_modes_are_fixed_points_with_the_density_of_equation_7(name, rng):
     manifold = from_name(name)
     points, _, _ = clusters(manifold, rng)
-    found = MeanShift(manifold).fit(points)
+    found = MeanShift(manifold, narrow(manifold, points)).fit(points)
     step, density = shift(
         manifold.prepare(points, found.bandwidth_), KERNELS["gaussian"], found.modes_
     )
@@ -67,7 +80,7 @@ def test_modes_are_fixed_points_with_the_density_of_equation_7(name, rng):
 def test_density_never_falls_where_the_gradient_is_exact(name, kernel, rng):
     manifold = from_name(name)
     points, _, _ = clusters(manifold, rng)
-    bandwidth = MeanShift(manifold, bandwidth_constant=1.0).fit(points).bandwidth_
+    bandwidth = narrow(manifold, points, 1.0)
     prepared = manifold.prepare(points, bandwidth)
     x, last = points, np.zeros(len(points))
     for _ in range(15):
@@ -82,7 +95,7 @@ def test_relaxed_steps_climb_too(name, rng):
     manifold = from_name(name)
     points, _, _ = clusters(manifold, rng)
     for constant in (0.5, 1.0):
-        bandwidth = MeanShift(manifold, bandwidth_constant=constant).fit(points).bandwidth_
+        bandwidth = narrow(manifold, points, constant)
         prepared = manifold.prepare(points, bandwidth)
         step, density = shift(prepared, KERNELS["gaussian"], points)
         _, further = shift(
@@ -160,7 +173,7 @@ def test_plain_steps_are_those_of_equation_10(name, rng):
     """Each is as long as the shift, until that is within the tolerance."""
     manifold = from_name(name)
     points, _, _ = clusters(manifold, rng, n=40)
-    h = MeanShift(manifold, bandwidth_constant=1.0).fit(points).bandwidth_
+    h = narrow(manifold, points, 1.0)
     prepared = manifold.prepare(points, h)
     found = ascend(
         prepared,
@@ -185,7 +198,7 @@ def test_plain_steps_are_those_of_equation_10(name, rng):
 def test_agrees_with_the_plain_algorithm(name, rng):
     manifold = from_name(name)
     points, _, _ = clusters(manifold, rng, n=120)
-    found = MeanShift(manifold).fit(points)
+    found = MeanShift(manifold, narrow(manifold, points)).fit(points)
     ends, _ = mean_shift_to_convergence(manifold, points, found.bandwidth_)
     away = manifold.dist(found.modes_[found.labels_], ends) / found.bandwidth_
     assert np.mean(away > 1) <= 0.02
@@ -201,10 +214,7 @@ def assert_same_bytes(a, b):
 def test_same_seed_same_bytes(name):
     manifold = from_name(name)
     points, _, _ = clusters(manifold, np.random.default_rng(3), n=300)
-    a, b = (
-        MeanShift(manifold, threads=threads).fit(points, np.random.default_rng(5))
-        for threads in (1, 2)
-    )
+    a, b = (MeanShift(manifold, n_jobs=threads, random_state=5).fit(points) for threads in (1, 2))
     assert_same_bytes(a, b)
 
 
@@ -263,8 +273,11 @@ def test_saddle_points_are_dropped():
 
 def test_small_modes_can_be_left_out(rng):
     points, _, _ = clusters(from_name("grassmann(3,1)"), rng, n=100)
-    whole = MeanShift("grassmann(3,1)").fit(points)
-    part = MeanShift("grassmann(3,1)", min_count=5).fit(points)
+    h = narrow(from_name("grassmann(3,1)"), points)
+    whole = MeanShift("grassmann(3,1)", h).fit(points)
+    part = MeanShift("grassmann(3,1)", h, min_count=5, cluster_all=False).fit(points)
+    everything = MeanShift("grassmann(3,1)", h, min_count=5).fit(points)
+    assert (everything.labels_ >= 0).all()
     assert (part.counts_ >= 5).all()
     assert np.sum(part.labels_ == -1) == whole.counts_[whole.counts_ < 5].sum()
 
@@ -272,11 +285,13 @@ def test_small_modes_can_be_left_out(rng):
 def test_trajectories_on_request(rng):
     manifold = from_name("grassmann(3,1)")
     points, _, _ = clusters(manifold, rng, n=50)
-    found = MeanShift(manifold, record=True).fit(points)
-    assert len(found.trajectories_) == 50
-    for start, path, label in zip(points, found.trajectories_, found.labels_, strict=True):
+    search = ModeSearch(manifold, KERNELS["gaussian"], narrow(manifold, points), record=True)
+    found = find_clusters(search, points, rng)
+    paths = found.paths()
+    assert len(paths) == 50
+    for start, path, label in zip(points, paths, found.labels, strict=True):
         np.testing.assert_array_equal(path[0], start)
-        np.testing.assert_array_equal(path[-1], found.modes_[label])
+        np.testing.assert_array_equal(path[-1], found.modes[label])
 
 
 @pytest.mark.parametrize("bandwidth", [0.0, -1.0, np.nan, np.inf, "wide"])
@@ -286,7 +301,7 @@ def test_wrong_bandwidths_are_refused(bandwidth):
 
 
 def test_wrong_input_is_refused():
-    with pytest.raises(DataError, match="none"):
+    with pytest.raises(DataError, match="at least 1 point"):
         MeanShift("euclidean(2)").fit(np.zeros((0, 2)))
     with pytest.raises(DataError, match="shape"):
         MeanShift("euclidean(2)").fit(np.zeros((4, 3)))
@@ -305,8 +320,11 @@ def many():
 
 def test_a_sample_gives_the_modes_and_members_of_the_whole(many):
     manifold, points, inside = many
-    fast = MeanShift(manifold).fit(points)
-    exact = MeanShift(manifold, bandwidth=fast.bandwidth_, sample_above=len(points)).fit(points)
+    h = narrow(manifold, points)
+    fast = MeanShift(manifold, h).fit(points)
+    exact = MeanShift(manifold, h, sample_above=None).fit(points)
+    assert fast.sampled_
+    assert not exact.sampled_
     assert (manifold.dist(fast.modes_[:3], exact.modes_[:3]) < 0.01 * fast.bandwidth_).all()
     np.testing.assert_allclose(fast.densities_[:3], exact.densities_[:3], rtol=1e-3)
     members = slice(0, len(inside))
@@ -315,10 +333,12 @@ def test_a_sample_gives_the_modes_and_members_of_the_whole(many):
 
 def test_a_sample_gives_the_same_bytes_in_any_number_of_threads_and_chunks(many):
     manifold, points, _ = many
-    a, b = (MeanShift(manifold, threads=threads).fit(points) for threads in (1, 2))
+    h = narrow(manifold, points)
+    a, b = (MeanShift(manifold, h, n_jobs=threads).fit(points) for threads in (1, 2))
     assert_same_bytes(a, b)
-    small = MeanShift(manifold, memory_mb=2.0).fit(points)
-    away = np.sqrt(manifold.pairwise_dist2(small.modes_[:3], a.modes_[:3])).min(axis=1)
+    search = ModeSearch(manifold, KERNELS["gaussian"], h)
+    small = find_clusters(search, points, np.random.default_rng(0), memory_mb=2.0)
+    away = np.sqrt(manifold.pairwise_dist2(small.modes[:3], a.modes_[:3])).min(axis=1)
     assert (away < 0.2 * a.bandwidth_).all()
 
 
@@ -326,7 +346,7 @@ def test_points_far_from_the_sample_have_no_mode():
     """Where the kernel sum over the sample is zero, the label is -1."""
     rng = np.random.default_rng(1)
     near, far = 0.1 * rng.standard_normal((9000, 2)), 1e3 * rng.standard_normal((20, 2))
-    found = MeanShift("euclidean(2)", bandwidth=0.2).fit(np.concatenate([near, far]))
+    found = MeanShift("euclidean(2)", 0.2, cluster_all=False).fit(np.concatenate([near, far]))
     assert found.counts_[0] > 8990
     assert np.sum(found.labels_[9000:] == -1) >= 15
 

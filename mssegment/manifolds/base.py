@@ -106,7 +106,7 @@ class Manifold(ABC):
             Where there is none, or the shape does not say which.
         """
         raise ConfigurationError(
-            f"the shape {shape} of the points does not say which member of the family "
+            f"the shape {shape} of the points does not say which manifold of the family "
             f"{cls.__name__} is meant: name one, for instance {cls.examples[0]}"
         )
 

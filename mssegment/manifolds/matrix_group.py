@@ -15,7 +15,6 @@ from mssegment.manifolds.matrices import exponential, length2, solve
 from mssegment.manifolds.prepared import (
     Array,
     LogPreparedPoints,
-    Precision,
     PreparedPoints,
     precision,
 )
@@ -228,22 +227,24 @@ class MatrixGroup(Manifold):
     ) -> PreparedPoints:
         """The points ``y`` [n, s, s]; pairs beyond the cutoff need no logarithm."""
         unit = self.to_unit(np.asarray(y, dtype=np.float64))
-        origin = None
-        dtype = self._precision(unit, bandwidth, precise)
-        if len(unit) and dtype != np.float32 and (dtype is None or not precise):
-            middle = np.sort(unit, axis=0)[len(unit) // 2]
-            origin = unit[np.argmin(_square_sums(unit - middle))]
-            centred = self.divide(origin, unit)
-            dtype, unit = self._precision(centred, bandwidth, precise), centred
-        if dtype is None:
+        largest = np.abs(unit).max(axis=(1, 2), initial=0.0)
+        magnitude = float(largest.max(initial=1.0)) ** 2
+        dtype = precision(precise, magnitude * bandwidth, bandwidth)
+        if dtype is not None or not len(unit):
+            return GroupPoints(self, unit, bandwidth, dtype or np.dtype(np.float64), cutoff)
+        middle = np.sort(unit, axis=0)[len(unit) // 2]
+        origin = unit[np.argmin(_square_sums(unit - middle))]
+        centred = self.divide(origin, unit)
+        usual = np.sort(np.abs(centred).max(axis=(1, 2)))[int(USUAL * (len(unit) - 1))]
+        if float(np.finfo(np.float64).eps) * usual**2 > MAX_USUAL_ERROR * bandwidth:
             return LogPreparedPoints(self, y, bandwidth)
-        return GroupPoints(self, unit, bandwidth, dtype, cutoff, origin)
+        return GroupPoints(self, centred, bandwidth, np.dtype(np.float64), cutoff, origin)
 
-    @staticmethod
-    def _precision(unit: Floats, bandwidth: float, precise: bool) -> Precision | None:
-        """The precision of x^-1 y as a sum of products of entries."""
-        magnitude = float(np.max(np.abs(unit), initial=1.0)) ** 2
-        return precision(precise, magnitude * bandwidth, bandwidth)
+
+USUAL, MAX_USUAL_ERROR = 0.9, 1e-3
+"""Products of matrices are used where this share of the points, seen from their middle, has errors
+of x^-1 y below so many bandwidths; otherwise each pair is divided. What is lost between the others is
+little compared with their distances from the rest."""
 
 
 def _square_sums(x: Floats) -> Floats:

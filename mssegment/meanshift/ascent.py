@@ -28,6 +28,7 @@ import numpy as np
 import numpy.typing as npt
 
 from mssegment.manifolds import Manifold, PreparedPoints
+from mssegment.meanshift.density import PointWeights
 from mssegment.meanshift.kernels import Kernel
 from mssegment.progress import report
 from mssegment.records import Floats, Integers, State
@@ -63,6 +64,9 @@ Prune = Callable[["Ascent", Integers], Mask]
 """Called after every step with the state and the active trajectories [m]; returns a mask [m] of
 those that stay active."""
 
+OnStep = Callable[[int, int], None]
+"""Called with the number of steps so far and the number of active trajectories."""
+
 
 def shift(
     prepared: PreparedPoints,
@@ -70,6 +74,7 @@ def shift(
     x: Floats,
     extra: Floats | None = None,
     pool: Executor | None = None,
+    point_weights: PointWeights | None = None,
 ) -> tuple[Floats, Floats]:
     """Mean shift vectors (9) and kernel densities (7).
 
@@ -86,6 +91,8 @@ def shift(
         not n.
     pool
         Threads that share the blocks of rows. The result does not depend on it.
+    point_weights
+        Weights or bandwidths of the single points; without them all are equal.
 
     Returns
     -------
@@ -105,13 +112,13 @@ def shift(
     ([[0.5]], [0.875])
     """
     if len(x) <= prepared.block_rows:
-        return _shift_block(prepared, kernel, x, extra)
+        return _shift_block(prepared, kernel, x, extra, point_weights)
     step = np.empty(x.shape)
     density = np.empty(len(x))
 
     def fill(rows: slice) -> None:
         own = None if extra is None else extra[rows]
-        step[rows], density[rows] = _shift_block(prepared, kernel, x[rows], own)
+        step[rows], density[rows] = _shift_block(prepared, kernel, x[rows], own, point_weights)
 
     starts = range(0, len(x), prepared.block_rows)
     blocks = [slice(start, start + prepared.block_rows) for start in starts]
@@ -124,10 +131,21 @@ def shift(
 
 
 def _shift_block(
-    prepared: PreparedPoints, kernel: Kernel, x: Floats, extra: Floats | None
+    prepared: PreparedPoints,
+    kernel: Kernel,
+    x: Floats,
+    extra: Floats | None,
+    point_weights: PointWeights | None,
 ) -> tuple[Floats, Floats]:
     """``shift`` for so few rows that they fit the cache."""
     block = prepared.block(x)
+    if point_weights is not None:
+        z = point_weights.scaled(block.scaled_sq_dist)
+        sums = np.asarray(kernel.profile(z) @ point_weights.profile, dtype=np.float64)
+        weights, _ = kernel.weights(z)
+        summed, total = block.weighted_sum(weights * point_weights.gradient.astype(z.dtype))
+        step = scaled(1.0 / np.where(total > 0, total, 1.0), summed)
+        return step, sums / point_weights.total
     weights, profile_sums = kernel.weights(block.scaled_sq_dist)
     summed, total = block.weighted_sum(weights)
     profile = total if profile_sums is None else profile_sums
@@ -325,6 +343,8 @@ def ascend(
     include_start: bool = False,
     record: bool = False,
     pool: Executor | None = None,
+    point_weights: PointWeights | None = None,
+    on_step: OnStep | None = None,
 ) -> Ascent:
     """Iterate (10) from all starts at once: the mean shift loop.
 
@@ -353,6 +373,10 @@ def ascend(
         Keep all points in ``history``.
     pool
         Threads that share the work. The result does not depend on it.
+    point_weights
+        Weights or bandwidths of the single points; without them all are equal.
+    on_step
+        Called after every step, see :data:`OnStep`.
 
     Returns
     -------
@@ -376,11 +400,13 @@ def ascend(
     active = ActiveTrajectories.from_starts(starts)
     while active.index.size > max_unfinished and ascent.iterations < max_iterations:
         extra = starts[active.index] if include_start else None
-        step, density = shift(prepared, kernel, active.x, extra, pool)
+        step, density = shift(prepared, kernel, active.x, extra, pool, point_weights)
         length = manifold.norm(active.x, step) / prepared.bandwidth
         converged = active.take_step(manifold, step, density, length, tolerance, accelerated)
         ascent.update(active, converged)
         active.keep(~converged)
+        if on_step is not None:
+            on_step(ascent.iterations, active.index.size)
         if prune is not None and active.index.size:
             active.keep(prune(ascent, active.index))
     return ascent

@@ -16,6 +16,12 @@ computation, and are computed again one by one."""
 ROUNDING = 8.0
 """Distances below this many times the largest distance of a point from itself are rounding errors
 of equal points."""
+AUTO_FRACTION, AUTO_SHARE, AUTO_CONSTANT = 0.1, 0.25, 1.0
+"""The rule ``auto``: the lower quartile of the distances to the 0.1 n-th neighbour. A quartile, as
+the densest quarter of the points is in clusters even where most are outliers; a tenth, since a
+cluster has more points than that."""
+AUTO_SAMPLE = 2048
+"""Points over which that quartile is taken; up to as many, it does not depend on their order."""
 
 
 def nearest_neighbour_bandwidth(
@@ -25,6 +31,7 @@ def nearest_neighbour_bandwidth(
     constant: float = 0.5,
     fraction: float = 0.05,
     share: float = 0.5,
+    sample_size: int = SAMPLE_SIZE,
 ) -> float:
     """The bandwidth h = ``constant`` x a quantile of the distances to a near neighbour.
 
@@ -35,13 +42,15 @@ def nearest_neighbour_bandwidth(
     points
         The data points [n, ...].
     rng
-        Draws the sample of 256 points over which the quantile is taken.
+        Draws the sample of the points over which the quantile is taken.
     constant
         The factor.
     fraction
         The neighbour is the (``fraction`` n)-th nearest other point, at least the first.
     share
         The quantile: 0.5 is the median.
+    sample_size
+        The number of points in that sample.
 
     Returns
     -------
@@ -61,7 +70,7 @@ def nearest_neighbour_bandwidth(
     n = len(points)
     if n < 2:
         return 1.0
-    sample = points if n <= SAMPLE_SIZE else points[rng.choice(n, SAMPLE_SIZE, replace=False)]
+    sample = points if n <= sample_size else points[rng.choice(n, sample_size, replace=False)]
     neighbour = min(max(1, round(fraction * n)), n - 1)
     noise = ROUNDING * float(manifold.dist(sample, sample).max(initial=0.0))
     unit = _unit_of_distance(manifold, sample, noise)
@@ -111,3 +120,76 @@ def _one_by_one(
     if found > noise:
         return found
     return 0.5 * float(smallest) if np.isfinite(smallest) else 1.0
+
+
+def auto_bandwidth(
+    manifold: Manifold, points: Floats, rng: np.random.Generator, weights: Floats | None = None
+) -> float:
+    """The bandwidth of ``MeanShift(bandwidth="auto")``.
+
+    Parameters
+    ----------
+    manifold
+        The manifold, whose distance is used.
+    points
+        The data points [n, ...].
+    rng
+        Draws 2048 of them where there are more.
+    weights
+        The weights of the points [n]: how often each counts.
+
+    Returns
+    -------
+    float
+        The lower quartile, over the points, of the distance to the 0.1 n-th neighbour.
+    """
+    if weights is None:
+        return nearest_neighbour_bandwidth(
+            manifold, points, rng, AUTO_CONSTANT, AUTO_FRACTION, AUTO_SHARE, AUTO_SAMPLE
+        )
+    counts = weights if np.all(weights == np.round(weights)) else weights / weights.mean()
+    distances = neighbour_distances(manifold, points, AUTO_FRACTION, counts)
+    found = _weighted_quantile(distances, counts, AUTO_SHARE)
+    if found > 0:
+        return AUTO_CONSTANT * found
+    positive = distances[distances > 0]
+    return AUTO_CONSTANT * (0.5 * float(positive.min()) if positive.size else 1.0)
+
+
+def neighbour_distances(
+    manifold: Manifold, points: Floats, fraction: float, counts: Floats | None = None
+) -> Floats:
+    """The distance [n] of each point to its (``fraction`` n)-th neighbour, at least the first.
+
+    With ``counts`` [n] each point stands for so many equal ones.
+    """
+    n = len(points)
+    counts = np.ones(n) if counts is None else counts
+    neighbour = max(1, round(fraction * float(counts.sum())))
+    sample = points[:: -(-n // SAMPLE_SIZE)]
+    noise = ROUNDING * float(manifold.dist(sample, sample).max(initial=0.0))
+    unit = _unit_of_distance(manifold, sample, noise)
+    prepared = manifold.prepare(points, unit)
+    out = np.empty(n)
+    for start in range(0, n, prepared.block_rows):
+        z = prepared.block(points[start : start + prepared.block_rows]).scaled_sq_dist
+        order = np.argsort(z, axis=1)
+        reached = np.cumsum(counts[order], axis=1) > neighbour
+        place = np.where(reached.any(axis=1), reached.argmax(axis=1), n - 1)
+        rows = np.arange(len(z))
+        out[start : start + len(z)] = z[rows, order[rows, place]]
+    distances = unit * np.sqrt(np.maximum(out, 0.0))
+    return np.where(distances > max(noise, unit * np.sqrt(COARSE)), distances, 0.0)
+
+
+def _weighted_quantile(values: Floats, counts: Floats, share: float) -> float:
+    """The quantile of ``values``, each taken as often as its count says."""
+    order = np.argsort(values)
+    ordered, reached = values[order], np.cumsum(counts[order])
+    place = share * (reached[-1] - 1)
+    last = len(values) - 1
+    low, high = (
+        ordered[min(int(np.searchsorted(reached, index, side="right")), last)]
+        for index in (np.floor(place), np.floor(place) + 1)
+    )
+    return float(low + (high - low) * (place - np.floor(place)))

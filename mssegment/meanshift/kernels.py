@@ -22,6 +22,9 @@ class Kernel(ABC):
     """
 
     name: ClassVar[str]
+    compact: ClassVar[bool] = False
+    """The profile ends at a finite distance, where its slope may jump: the density has flat regions
+    and many modes near each other, and only plain steps are taken."""
 
     def cutoff(self, precise: bool) -> float:
         """The distance, in bandwidths, beyond which points may be left out.
@@ -92,6 +95,7 @@ class TruncatedGaussian(Kernel):
     """
 
     name = "truncated"
+    compact = True
     radius: ClassVar[float] = 3.0
     """Where the profile ends, in bandwidths."""
 
@@ -124,6 +128,7 @@ class Epanechnikov(Kernel):
     """
 
     name = "epanechnikov"
+    compact = True
 
     def cutoff(self, precise: bool) -> float:
         """1, the radius of the support."""

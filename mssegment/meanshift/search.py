@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mssegment.manifolds import Manifold, PreparedPoints
-from mssegment.meanshift.ascent import Ascent, Mask, Prune, ascend, follow, scaled
+from mssegment.meanshift.ascent import Ascent, Mask, OnStep, Prune, ascend, follow, scaled
+from mssegment.meanshift.density import PointWeights
 from mssegment.meanshift.kernels import Kernel
 from mssegment.meanshift.modes import merge
 from mssegment.records import Floats, Integers, Record, State
@@ -18,6 +19,8 @@ if TYPE_CHECKING:
 
 FOLLOW_WITHIN = 0.15
 """A trajectory follows a denser one that is nearer than this many bandwidths."""
+FOLLOW_COMPACT = 1e-3
+"""The same for kernels of compact support, whose densities have modes near each other."""
 STRAGGLERS = 30
 """When only one trajectory in this many is active, the pass ends; the rest is refined together
 with the modes."""
@@ -69,19 +72,32 @@ class ModeSearch(Record, frozen=True):
         Whether to record the trajectories.
     pool
         Threads that share the work.
+    precise
+        Whether the trajectories are computed in double precision too, as the modes always are.
+    point_weights
+        Weights or bandwidths of the single points; without them all are equal.
+    on_step
+        Called after every step.
     """
 
     manifold: Manifold
     kernel: Kernel
     bandwidth: float
-    merge_within: float
-    max_iterations: int
+    merge_within: float = 1.0
+    max_iterations: int = 500
     record: bool = False
     pool: Executor | None = None
+    precise: bool = False
+    point_weights: PointWeights | None = None
+    on_step: OnStep | None = None
 
     def prepare(self, points: Floats, precise: bool = False) -> PreparedPoints:
         """The data points [n, ...] of the density."""
-        return self.manifold.prepare(points, self.bandwidth, precise, self.kernel.cutoff(precise))
+        precise = precise or self.precise
+        cutoff = self.kernel.cutoff(precise)
+        if self.point_weights is not None:
+            cutoff /= float(np.sqrt(self.point_weights.scale.min(initial=1.0)))
+        return self.manifold.prepare(points, self.bandwidth, precise, cutoff)
 
     def ascend(
         self,
@@ -99,11 +115,14 @@ class ModeSearch(Record, frozen=True):
             starts,
             tolerance=tolerance,
             max_iterations=self.max_iterations,
+            accelerated=not self.kernel.compact,
             prune=prune,
             max_unfinished=len(starts) // STRAGGLERS if prune else 0,
             include_start=include_start,
             record=record,
             pool=self.pool,
+            point_weights=self.point_weights,
+            on_step=self.on_step,
         )
 
     def merge(self, x: Floats, density: Floats, within: float) -> tuple[Floats, Floats, Integers]:
@@ -178,10 +197,14 @@ class ModeSearch(Record, frozen=True):
         precision and merged again.
         """
         within = FOLLOW_WITHIN * self.bandwidth
+        if self.kernel.compact:
+            within = FOLLOW_COMPACT * self.bandwidth
         prune, prepared = partial(follow, self.manifold, within), self.prepare(points)
         ascent = self.ascend(prepared, points, TRAJECTORY_TOLERANCE, prune, self.record)
         ends, end_of_point = np.unique(ascent.final_leader(), return_inverse=True)
         isolated = (ascent.density[ends] * len(points) < 1.0 + ISOLATED) & ascent.converged[ends]
+        if self.point_weights is not None:
+            isolated[:] = False
         single, shared = ends[isolated], ends[~isolated]
         kept, first = merge(self.manifold, ascent.x[shared], ascent.density[shared], within)
         merged = shared[kept]

@@ -8,7 +8,14 @@ import numpy as np
 
 from mssegment import models
 from mssegment.errors import DataError
-from mssegment.meanshift import MeanShift
+from mssegment.meanshift import (
+    Clusters,
+    ModeSearch,
+    find_clusters,
+    kernel_named,
+    nearest_neighbour_bandwidth,
+    thread_pool,
+)
 from mssegment.preprocessing.noise import reference_noise
 from mssegment.records import (
     BACKGROUND,
@@ -111,23 +118,31 @@ def _find_modes(
     modes: list[Mode] = []
     bandwidths, assigned = [], []
     for index, observed_set in enumerate(observed_sets):
-        shifted = MeanShift(
-            observed_set.model.manifold,
-            options.bandwidth,
-            options.kernel,
-            bandwidth_constant=BANDWIDTH_CONSTANT,
-            threads=options.threads,
-        ).fit(observed_set.hypotheses.points, rng=rng)
-        bandwidths.append(shifted.bandwidth_)
-        assigned.append(np.where(shifted.labels_ >= 0, shifted.labels_ + len(modes), -1))
-        points = _oriented(observed_set, shifted.modes_, shifted.labels_)
+        bandwidth, found = _cluster(observed_set, options, rng)
+        bandwidths.append(bandwidth)
+        assigned.append(np.where(found.labels >= 0, found.labels + len(modes), -1))
+        points = _oriented(observed_set, found.modes, found.labels)
         modes += [
             Mode(index, int(count), float(density), point)
-            for point, density, count in zip(
-                points, shifted.densities_, shifted.counts_, strict=True
-            )
+            for point, density, count in zip(points, found.densities, found.counts, strict=True)
         ]
     return rank_modes(modes, bandwidths, assigned)
+
+
+def _cluster(
+    observed_set: ObservedSet, options: SegmentOptions, rng: np.random.Generator
+) -> tuple[float, Clusters]:
+    """The bandwidth, which for hypotheses of motions is narrower than ``auto``, and the modes."""
+    manifold, points = observed_set.model.manifold, observed_set.hypotheses.points
+    if len(points) == 0:
+        raise DataError("mean shift needs at least 1 hypothesis, found none")
+    manifold.check_point(points)
+    bandwidth = options.bandwidth
+    if bandwidth == "auto":
+        bandwidth = nearest_neighbour_bandwidth(manifold, points, rng, BANDWIDTH_CONSTANT)
+    with thread_pool(options.threads) as pool:
+        search = ModeSearch(manifold, kernel_named(options.kernel), float(bandwidth), pool=pool)
+        return search.bandwidth, find_clusters(search, points, rng)
 
 
 def _oriented(observed_set: ObservedSet, modes: Floats, assignments: Integers) -> Floats:
