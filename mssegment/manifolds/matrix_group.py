@@ -243,8 +243,8 @@ class MatrixGroup(Manifold):
 
 USUAL, MAX_USUAL_ERROR = 0.9, 1e-3
 """Products of matrices are used where this share of the points, seen from their middle, has errors
-of x^-1 y below so many bandwidths; otherwise each pair is divided. What is lost between the others is
-little compared with their distances from the rest."""
+of x^-1 y below so many bandwidths; otherwise each pair is divided. What is lost between the others
+is little compared with their distances from the rest."""
 
 
 def _square_sums(x: Floats) -> Floats:
