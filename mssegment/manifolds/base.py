@@ -274,6 +274,29 @@ class Manifold(ABC):
                 f"point {i} is not on {self.name}: it is {violation[i]:.3g} away from it"
             )
 
+    def tangent_basis(self, x: Floats) -> Floats:
+        """A basis [dim, *point_shape] of the tangent space at one point ``x``.
+
+        Orthonormal, unless a manifold has coordinates that everybody knows, as rigid motions have.
+        """
+        size = int(np.prod(self.point_shape))
+        units = np.eye(size).reshape(size, *self.point_shape)
+        tangents = self.project_tangent(np.broadcast_to(x, units.shape), units)
+        u, _, _ = np.linalg.svd(tangents.reshape(size, -1).T)
+        spanning = u[:, : self.dim].T.reshape(self.dim, *self.point_shape)
+        pairs = np.broadcast_to(x, spanning.shape)
+        gram = self.inner(pairs[None], spanning[:, None], spanning[None])
+        values, q = np.linalg.eigh(gram)
+        return np.asarray(np.tensordot(q / np.sqrt(values), spanning, axes=(0, 0)))
+
+    def coordinates(self, x: Floats, v: Floats) -> Floats:
+        """The coordinates [n, dim] of tangents ``v`` [n, ...] at one point ``x``."""
+        basis = self.tangent_basis(x)
+        at = np.broadcast_to(x, basis.shape)
+        gram = self.inner(at[None], basis[:, None], basis[None])
+        products = self.inner(at[None], np.asarray(v)[:, None], basis[None])
+        return np.asarray(np.linalg.solve(gram, products.T).T)
+
     def check_finite(self, x: Floats) -> None:
         """Check that ``x`` [..., *point_shape] are finite arrays of the shape of points.
 

@@ -137,6 +137,19 @@ class MatrixGroup(Manifold):
         """x^-1 y for points ``x`` and points or tangents ``y`` [..., size, size]."""
         return solve(x, y)
 
+    def with_length_scale(self, length_scale: float) -> MatrixGroup:
+        """The same group with another length scale."""
+        return type(self)(exact=self.exact_gradient, length_scale=length_scale)
+
+    def generators(self) -> Floats | None:
+        """The usual basis of the algebra [dim, size, size], None where there is none."""
+        return None
+
+    def tangent_basis(self, x: Floats) -> Floats:
+        """x times the ``generators``, or an orthonormal basis."""
+        generators = self.generators()
+        return super().tangent_basis(x) if generators is None else np.asarray(x @ generators)
+
     @property
     def point_shape(self) -> tuple[int, ...]:
         """The shape of a point, ``(size, size)``."""

@@ -98,6 +98,12 @@ class Rotations(MatrixGroup):
         cosine, sine = np.cos(v[..., 1, 0]), np.sin(v[..., 1, 0])
         return np.stack([cosine, -sine, sine, cosine], axis=-1).reshape(v.shape)
 
+    def generators(self) -> Floats:
+        """The rotation by a radian, or those about x, y and z."""
+        if self.order == 2:
+            return np.array([[[0.0, -1.0], [1.0, 0.0]]])
+        return np.asarray(np.moveaxis(cross_matrices(np.eye(3)), 2, 0), dtype=np.float64)
+
     def divide(self, x: Floats, y: Floats) -> Floats:
         """x'y."""
         return np.asarray(np.swapaxes(x, -1, -2) @ y)

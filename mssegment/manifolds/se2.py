@@ -74,6 +74,13 @@ class SE2(MatrixGroup):
         out[..., 2, 2] = 1.0
         return out
 
+    def generators(self) -> Floats:
+        """The rotation by a radian, then translations along x and y by 1."""
+        out = np.zeros((3, 3, 3))
+        out[0, :2, :2] = [[0.0, -1.0], [1.0, 0.0]]
+        out[1, 0, 2] = out[2, 1, 2] = 1.0
+        return out
+
     def divide(self, x: Floats, y: Floats) -> Floats:
         """x^-1 y by the transposed rotation."""
         return rigid_ratio(x, y)

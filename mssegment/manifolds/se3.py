@@ -82,6 +82,13 @@ class SE3(MatrixGroup):
         out[..., 3, 3] = 1.0
         return out
 
+    def generators(self) -> Floats:
+        """Rotations about x, y and z by a radian, then translations along x, y and z by 1."""
+        out = np.zeros((6, 4, 4))
+        out[:3, :3, :3] = np.moveaxis(cross_matrices(np.eye(3)), 2, 0)
+        out[3:, :3, 3] = np.eye(3)
+        return out
+
     def divide(self, x: Floats, y: Floats) -> Floats:
         """x^-1 y by the transposed rotation."""
         return rigid_ratio(x, y)

@@ -119,7 +119,7 @@ class SPD(Manifold):
     def dist(self, x: Floats, y: Floats) -> Floats:
         """The length of the logarithm, from generalized eigenvalues or from matrix logarithms."""
         if self.is_affine:
-            values = np.linalg.eigvalsh(_around(square_roots(x)[1], y))
+            values = symmetric_eigen(_around(square_roots(x)[1], y))[0]
             return np.asarray(np.linalg.norm(np.log(values), axis=-1))
         difference = symmetric_function(np.log, y) - symmetric_function(np.log, x)
         return np.asarray(np.linalg.norm(difference, axis=(-2, -1)))
@@ -234,8 +234,17 @@ class _LogBlock(KernelBlock):
 
 def symmetric_function(function: Callable[[Floats], Floats], x: Floats) -> Floats:
     """A function of symmetric matrices [..., n, n], applied to their eigenvalues."""
-    values, q = np.linalg.eigh(x)
+    values, q = eigh(x)
     return np.asarray((q * function(values)[..., None, :]) @ _t(q))
+
+
+def eigh(x: Floats) -> tuple[Floats, Floats]:
+    """``np.linalg.eigh``, with NaN where a matrix is not finite instead of an error for all."""
+    finite = np.asarray(np.isfinite(x).all(axis=(-2, -1), keepdims=True))
+    if finite.all():
+        return np.linalg.eigh(x)
+    values, vectors = np.linalg.eigh(np.where(finite, x, np.eye(x.shape[-1])))
+    return np.where(finite[..., 0], values, np.nan), np.where(finite, vectors, np.nan)
 
 
 def symmetric_eigen(x: Floats) -> tuple[Floats, Floats]:
@@ -244,7 +253,7 @@ def symmetric_eigen(x: Floats) -> tuple[Floats, Floats]:
     2 x 2 matrices by one Jacobi rotation, which is 5 times as fast as LAPACK.
     """
     if x.shape[-1] != 2:
-        return np.linalg.eigh(x)
+        return eigh(x)
     a, b, d = x[..., 0, 0], x[..., 1, 0], x[..., 1, 1]
     angle = 0.5 * np.arctan2(2.0 * b, a - d)
     cosine, sine = np.cos(angle), np.sin(angle)
@@ -257,7 +266,7 @@ def symmetric_eigen(x: Floats) -> tuple[Floats, Floats]:
 
 def square_roots(x: Floats) -> tuple[Floats, Floats]:
     """x^1/2 and x^-1/2 of symmetric positive definite matrices [..., n, n]."""
-    values, q = np.linalg.eigh(x)
+    values, q = eigh(x)
     root = np.sqrt(values)[..., None, :]
     return np.asarray((q * root) @ _t(q)), np.asarray((q / root) @ _t(q))
 
@@ -272,7 +281,7 @@ def _divided(x: Floats) -> tuple[Floats, Floats]:
 
     With a, b the logarithms: (a - b) / (e^a - e^b) = e^(-(a + b) / 2) h / sinh h, h = (a - b) / 2.
     """
-    values, q = np.linalg.eigh(x)
+    values, q = eigh(x)
     logs = np.log(values)
     half = 0.5 * (logs[..., :, None] - logs[..., None, :])
     mean = 0.5 * (logs[..., :, None] + logs[..., None, :])

@@ -16,6 +16,9 @@ computation, and are computed again one by one."""
 ROUNDING = 8.0
 """Distances below this many times the largest distance of a point from itself are rounding errors
 of equal points."""
+COINCIDENT = 0.25
+"""Where most points coincide, h is this share of the smallest distance, at which two equal heaps of
+points are two modes (they are up to h = half their distance)."""
 AUTO_FRACTION, AUTO_SHARE, AUTO_CONSTANT = 0.1, 0.25, 1.0
 """The rule ``auto``: the lower quartile of the distances to the 0.1 n-th neighbour. A quartile, as
 the densest quarter of the points is in clusters even where most are outliers; a tenth, since a
@@ -56,8 +59,8 @@ def nearest_neighbour_bandwidth(
     -------
     float
         h, in the manifold's distance; always positive. Where more than ``share`` of the points
-        coincide with that many others, half the smallest positive distance replaces the quantile,
-        or 1 where all points are equal. Fewer than two points give h = 1.
+        coincide with that many others, h is a quarter of the smallest positive distance, or 1 where
+        all points are equal. Fewer than two points give h = 1.
 
     Examples
     --------
@@ -84,7 +87,8 @@ def nearest_neighbour_bandwidth(
     )
     scaled = _quantile(np.maximum(nearest, 0.0), share)
     if scaled <= max(np.sqrt(COARSE), noise / unit):
-        return constant * _one_by_one(manifold, points, sample, neighbour, share, noise)
+        found, smallest = _one_by_one(manifold, points, sample, neighbour, share, noise)
+        return constant * found if found > noise else COINCIDENT * smallest
     return constant * scaled * unit
 
 
@@ -108,8 +112,8 @@ def _quantile(squares: Floats, share: float) -> float:
 
 def _one_by_one(
     manifold: Manifold, points: Floats, sample: Floats, neighbour: int, share: float, noise: float
-) -> float:
-    """The quantile from ``Manifold.dist``; half the smallest distance above ``noise`` instead."""
+) -> tuple[float, float]:
+    """The quantile from ``Manifold.dist``; the smallest distance above ``noise``, 4 if none is."""
     nearest, smallest = [], np.inf
     for point in sample:
         distances = manifold.dist(np.broadcast_to(point, points.shape), points)
@@ -117,9 +121,7 @@ def _one_by_one(
         smallest = min(smallest, distances.min(initial=np.inf, where=distances > noise))
     ordered = np.sort([distance for distance in nearest if np.isfinite(distance)])
     found = float(ordered[int(share * (len(ordered) - 1))]) if len(ordered) else 0.0
-    if found > noise:
-        return found
-    return 0.5 * float(smallest) if np.isfinite(smallest) else 1.0
+    return found, float(smallest) if np.isfinite(smallest) else 1.0 / COINCIDENT
 
 
 def auto_bandwidth(
@@ -152,8 +154,9 @@ def auto_bandwidth(
     found = _weighted_quantile(distances, counts, AUTO_SHARE)
     if found > 0:
         return AUTO_CONSTANT * found
-    positive = distances[distances > 0]
-    return AUTO_CONSTANT * (0.5 * float(positive.min()) if positive.size else 1.0)
+    sample = points[:: -(-len(points) // SAMPLE_SIZE)]
+    noise = ROUNDING * float(manifold.dist(sample, sample).max(initial=0.0))
+    return COINCIDENT * _one_by_one(manifold, points, sample, 0, AUTO_SHARE, noise)[1]
 
 
 def neighbour_distances(
