@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from mssegment.errors import MssegmentError as MssegmentError
     from mssegment.errors import UsageError as UsageError
     from mssegment.meanshift import MeanShift as MeanShift
+    from mssegment.meanshift import fuse as fuse
     from mssegment.records import Camera as Camera
     from mssegment.records import Frame as Frame
     from mssegment.records import Mode as Mode
@@ -40,6 +41,7 @@ _MODULES = {
     "MssegmentError": "errors",
     "Segmentation": "result",
     "UsageError": "errors",
+    "fuse": "meanshift",
     "segment_pictures": "api",
     "segment_tracks": "api",
 }

@@ -31,6 +31,7 @@ COMMANDS: dict[str, str] = {
     "report": "Show the results and compare them with ground-truth labels.",
     "compare": "Compare several segmentations.",
     "import": "Import tracks from a CSV or a file of a public data set.",
+    "fuse": "Fuse repeated measurements of poses, many of them wrong.",
     "label": "Draw ground-truth labels in a local web page.",
     "benchmark": "Evaluate the segmentation on a public data set.",
     "init": "Write a commented configuration file.",

@@ -36,8 +36,8 @@ class Essential(Manifold):
     >>> manifold = Essential()
     >>> sideways = np.array([[0.0, 0, 0], [0, 0, -1], [0, 1, 0]])
     >>> forwards = np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 0]])
-    >>> manifold.dist(sideways, -sideways).item(), manifold.dist(sideways, forwards).item()
-    (0.0, 1.0)
+    >>> manifold.dist([sideways, sideways], [-sideways, forwards]).round(6).tolist()
+    [0.0, 1.0]
     """
 
     examples = ("essential",)

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import inspect
-import warnings
 from typing import Any, ClassVar, Self
 
 import numpy as np
@@ -23,6 +21,8 @@ class Parameters:
 
     @classmethod
     def _names(cls) -> list[str]:
+        import inspect  # slow to load
+
         return list(inspect.signature(cls).parameters)
 
     def get_params(self, deep: bool = True) -> dict[str, Any]:
@@ -50,6 +50,8 @@ class Parameters:
         return self
 
     def __repr__(self) -> str:
+        import inspect  # slow to load
+
         defaults = inspect.signature(type(self)).parameters
         changed = [
             f"{name}={value!r}"
@@ -130,6 +132,8 @@ def feature_names(x: Any, known: Any = None, owner: str = "") -> Any:
     if known is None:
         return names
     if names is None:
+        import warnings
+
         warnings.warn(
             f"X does not have valid feature names, but {owner} was fitted with feature names",
             stacklevel=3,
