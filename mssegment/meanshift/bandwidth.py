@@ -16,6 +16,9 @@ computation, and are computed again one by one."""
 ROUNDING = 8.0
 """Distances below this many times the largest distance of a point from itself are rounding errors
 of equal points."""
+HYPOTHESES_ROUNDING, POINTS_ROUNDING = 3e-7, 1e-13
+"""Distances below these shares of a typical one are rounding errors: of hypotheses, which fits to
+noise-free tracks compute with a loss of digits, and of points as they are given."""
 COINCIDENT = 0.25
 """Where most points coincide, h is this share of the smallest distance, at which two equal heaps of
 points are two modes (they are up to h = half their distance)."""
@@ -35,6 +38,7 @@ def nearest_neighbour_bandwidth(
     fraction: float = 0.05,
     share: float = 0.5,
     sample_size: int = SAMPLE_SIZE,
+    rounding: float = HYPOTHESES_ROUNDING,
 ) -> float:
     """The bandwidth h = ``constant`` x a quantile of the distances to a near neighbour.
 
@@ -54,6 +58,8 @@ def nearest_neighbour_bandwidth(
         The quantile: 0.5 is the median.
     sample_size
         The number of points in that sample.
+    rounding
+        Distances below this share of a typical one are rounding errors of equal points.
 
     Returns
     -------
@@ -86,6 +92,7 @@ def nearest_neighbour_bandwidth(
         ]
     )
     scaled = _quantile(np.maximum(nearest, 0.0), share)
+    noise = max(noise, rounding * unit)
     if scaled <= max(np.sqrt(COARSE), noise / unit):
         found, smallest = _one_by_one(manifold, points, sample, neighbour, share, noise)
         return constant * found if found > noise else COINCIDENT * smallest
@@ -147,7 +154,14 @@ def auto_bandwidth(
     """
     if weights is None:
         return nearest_neighbour_bandwidth(
-            manifold, points, rng, AUTO_CONSTANT, AUTO_FRACTION, AUTO_SHARE, AUTO_SAMPLE
+            manifold,
+            points,
+            rng,
+            AUTO_CONSTANT,
+            AUTO_FRACTION,
+            AUTO_SHARE,
+            AUTO_SAMPLE,
+            POINTS_ROUNDING,
         )
     counts = weights if np.all(weights == np.round(weights)) else weights / weights.mean()
     distances = neighbour_distances(manifold, points, AUTO_FRACTION, counts)
@@ -156,6 +170,7 @@ def auto_bandwidth(
         return AUTO_CONSTANT * found
     sample = points[:: -(-len(points) // SAMPLE_SIZE)]
     noise = ROUNDING * float(manifold.dist(sample, sample).max(initial=0.0))
+    noise = max(noise, POINTS_ROUNDING * _unit_of_distance(manifold, sample, noise))
     return COINCIDENT * _one_by_one(manifold, points, sample, 0, AUTO_SHARE, noise)[1]
 
 
