@@ -11,12 +11,13 @@ With ``accelerated=False`` it takes the plain steps of (10). By default it saves
 
 Notes
 -----
-How far this changes the result depends on the kernel. With the Gaussian kernel and distinct points
-the modes are within 0.01 bandwidths of where plain steps end, and at most about 0.3 % of the points
-reach another mode. With a kernel of compact support (``truncated``, ``epanechnikov``) the density
-has flat regions and many small modes: modes that are up to half a bandwidth off are common, and up
-to 7 % of the points reached another mode where every point was repeated three times
-(Epanechnikov, G(3,1)).
+How far this changes the result is measured by ``python -m benchmarks.plain``, on nine data sets at
+four bandwidths, against an implementation that shares no code: with the Gaussian and the truncated
+Gaussian kernel at most about 1 % of the points reach another mode. The density of a kernel of compact
+support (``Kernel.compact``) has flat regions and many modes near each other, between which longer
+steps would jump: there only plain steps are taken, to the end, and trajectories follow each other
+only where they meet; at most about 2 % of the points reach another mode, those whose distance from
+another point is one bandwidth but for rounding.
 """
 
 from __future__ import annotations

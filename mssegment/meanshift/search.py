@@ -26,6 +26,9 @@ STRAGGLERS = 30
 with the modes."""
 TRAJECTORY_TOLERANCE, MODE_TOLERANCE = 1e-2, 3e-4
 """The distance from the mode, in bandwidths, at which a trajectory, or a refined mode, ends."""
+COMPACT_TOLERANCE = 1e-6
+"""Both for kernels of compact support: a short step may still change which points are inside, and
+then be followed by long ones; where it does not, the plain steps end after finitely many."""
 PERTURBATION = 0.1
 """The perturbation of a possible saddle point, in bandwidths; a mode attracts it again."""
 NOT_VERY_NEAR = 0.5
@@ -109,6 +112,8 @@ class ModeSearch(Record, frozen=True):
         include_start: bool = False,
     ) -> Ascent:
         """Run the mean shift loop from ``starts``; with ``prune``, leave out the stragglers."""
+        if self.kernel.compact:
+            tolerance = COMPACT_TOLERANCE
         return ascend(
             prepared,
             self.kernel,
@@ -208,7 +213,8 @@ class ModeSearch(Record, frozen=True):
         single, shared = ends[isolated], ends[~isolated]
         kept, first = merge(self.manifold, ascent.x[shared], ascent.density[shared], within)
         merged = shared[kept]
-        at_rest = np.flatnonzero(ascent.converged[merged])
+        # flat regions of compact kernels are no saddle points, and any push may leave them
+        at_rest = np.flatnonzero(ascent.converged[merged] & (not self.kernel.compact))
         suspects = merged[at_rest]
         escaped, copies = self.escape_saddles(
             points, prepared, ascent.x[suspects], ascent.density[suspects], rng
