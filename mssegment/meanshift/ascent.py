@@ -13,11 +13,10 @@ Notes
 -----
 How far this changes the result is measured by ``python -m benchmarks.plain``, on nine data sets at
 four bandwidths, against an implementation that shares no code: with the Gaussian and the truncated
-Gaussian kernel at most about 1 % of the points reach another mode. The density of a kernel of compact
-support (``Kernel.compact``) has flat regions and many modes near each other, between which longer
-steps would jump: there only plain steps are taken, to the end, and trajectories follow each other
-only where they meet; at most about 2 % of the points reach another mode, those whose distance from
-another point is one bandwidth but for rounding.
+Gaussian kernel at most about 1 % of the points reach another mode. The density of a kernel of
+compact support (``Kernel.compact``) has flat regions and many modes near each other, between which
+longer steps would jump: there only plain steps are taken, to the end, and trajectories follow each
+other only where they meet; at most about 2 % of the points reach another mode.
 """
 
 from __future__ import annotations
