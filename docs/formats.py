@@ -51,9 +51,10 @@ REPORT_FIELDS = {
     "motion_list": (
         "list of objects",
         "Each with `label`, `model`, `inliers`, `hypotheses`, `kde`, `scale` and `rms` (pixels), "
-        "`cost_saved` (nats), `log_nfa` (significance), `rigid_evidence` (nats), `parts` (the "
-        "motions that were joined to one rigid body), `true_motion`, `parameters`, and the "
-        "motion in pixels: `matrix`, or `direction` and `epipole`.",
+        "`cost_saved` (nats), `log_nfa` (significance), `separation` (from the nearest other "
+        "motion, above 1), `rigid_evidence` (nats), `parts` (the motions that were joined to one "
+        "rigid body), `true_motion`, `parameters`, and the motion in pixels: `matrix`, or "
+        "`direction` and `epipole`.",
     ),
     "tracks": ("number", "Number of tracks."),
     "outliers": ("number", "How many have label 0."),

@@ -310,6 +310,9 @@ class Motion(Record, frozen=True):
     log_nfa : float, optional
         Natural logarithm of the expected number of false alarms: of groups whose tracks move as
         coherently among random walks (``sampling.chimeras``); None if it was not tested.
+    separation : float, optional
+        Consensus: what telling the motion from the most similar other one saves, over what it must
+        save (``consensus.split_test``); above 1 they are two motions. None if it was not tested.
     matrix : ndarray [3, 3] or [F, 3, 3] of float64, optional
         The motion in pixels, least squares over the inliers, or those of the largest part. Two
         views: the map from the first to the second, with last entry 1, as ``cv2.findHomography``
@@ -344,6 +347,7 @@ class Motion(Record, frozen=True):
     rms: float
     cost_saved: float | None = None
     log_nfa: float | None = None
+    separation: float | None = None
     matrix: Floats | None = None
     direction: Floats | None = None
     epipole: Floats | None = None

@@ -7,6 +7,7 @@ import pytest
 from moving_bodies import rigid_bodies
 from test_joinedness import cut
 
+import mssegment
 from mssegment.records import Floats, Integers
 from mssegment.sampling.frame_pairs import draw_for_consensus
 from mssegment.sampling.windows import (
@@ -98,3 +99,19 @@ def test_a_track_is_readmitted_to_the_body_that_it_moves_with(rng: np.random.Gen
     assert (found == true[rejected])[:11].sum() >= 8
     assert (found[11:] > 0).mean() < 0.1
     assert not readmitted(points, np.zeros_like(labels), rejected, pairs).any()
+
+
+@pytest.mark.parametrize("complete", [True, False])
+def test_motions_say_how_far_they_are_from_the_nearest(complete, rng: np.random.Generator) -> None:
+    points, labels = rigid_bodies(rng, sizes=(70, 60, 50), frames=12)
+    if not complete:
+        points = cut(points, rng)
+    settings = {"hypothesize.model": "factorization", "background.remove": False}
+    found = mssegment.segment_tracks(points, settings)
+    assert len(found.motions) == 3
+    assert all(motion.separation is not None for motion in found.motions)
+    nearest = sorted(motion.separation or 0.0 for motion in found.motions)
+    assert nearest[0] > 1
+    assert nearest[0] == pytest.approx(nearest[1], rel=1e-9)  # the nearest two have it in common
+    alone = mssegment.segment_tracks(points[labels == 1], settings)
+    assert [motion.separation for motion in alone.motions] == [None]

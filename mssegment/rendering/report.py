@@ -363,6 +363,7 @@ def _motion_json(report: Report, motion: Motion) -> dict[str, Any]:
         "rms": _number(motion.rms),
         "cost_saved": _number(motion.cost_saved),
         "log_nfa": _number(motion.log_nfa),
+        "separation": _number(motion.separation),
         "rigid_evidence": _number(motion.rigid_evidence),
         "parts": [
             {

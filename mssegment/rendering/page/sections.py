@@ -55,6 +55,8 @@ def motions_html(report: Report) -> str:
     header += ["description length saved (nats)"] if saves else []
     tested = any(motion.log_nfa is not None for motion in report.motions)
     header += ["log false alarms (nats)"] if tested else []
+    told_apart = any(motion.separation is not None for motion in report.motions)
+    header += ["separation from the nearest (> 1: two)"] if told_apart else []
     header += ["true motion"] if report.evaluation else []
     rows = []
     for motion in report.motions:
@@ -73,6 +75,7 @@ def motions_html(report: Report) -> str:
         ]
         cells += [fixed(motion.cost_saved, 1)] if saves else []
         cells += [fixed(motion.log_nfa, 1)] if tested else []
+        cells += [fixed(motion.separation, 1)] if told_apart else []
         if report.evaluation:
             true = report.true_motion(motion.label)
             cells.append("none" if true is None else str(true))

@@ -65,6 +65,9 @@ class Consensus(Record, frozen=True):
     log_nfa : tuple of float
         Logarithm of the number of false alarms of each group, as ``Motion.log_nfa``; empty if the
         groups were not tested.
+    separations : tuple of float
+        How far each group is from its nearest neighbour, as ``Motion.separation``; empty if there
+        is one group, or if this was not tested.
     notes : tuple of str
         Notes for the user.
     """
@@ -72,6 +75,7 @@ class Consensus(Record, frozen=True):
     labels: Integers
     misfit: Floats
     log_nfa: tuple[float, ...] = ()
+    separations: tuple[float, ...] = ()
     notes: tuple[str, ...] = ()
 
 
@@ -131,15 +135,17 @@ def cluster_by_consensus(
     labels[tracks[np.isnan(misfit[tracks])]] = NOT_JUDGED
     if hypotheses.partition == "joinedness":
         pairs = sorted({(one.frames[0], one.frames[1]) for one in sets})
-        grouped, groups = _cluster_incomplete(
+        grouped, groups, apart = _cluster_incomplete(
             points, coassociations.kinds, pairs, misfit, bounds, rng
         )
     else:
-        grouped, groups = _cluster_complete(points, coassociations.kinds, misfit, bounds, rng)
+        grouped, groups, apart = _cluster_complete(
+            points, coassociations.kinds, misfit, bounds, rng
+        )
     labels[grouped] = groups
-    labels = _by_size(labels)
+    drawn, labels = labels, _by_size(labels)
     if hypotheses.partition != "spectral" or points.shape[1] < 3:
-        return Consensus(labels, misfit)
+        return Consensus(labels, misfit, separations=_in_order(apart, drawn, labels))
     log_nfa = _log_false_alarms(points, labels, rng)
     notes: tuple[str, ...] = ()
     if not motions and not min_motions:
@@ -149,7 +155,8 @@ def cluster_by_consensus(
         log_nfa = log_nfa[log_nfa < 0]
         if len(dropped):
             notes = (WALKS_NOTE.format(count=len(dropped)),)
-    return Consensus(labels, misfit, tuple(log_nfa.tolist()), notes)
+    apart = _in_order(apart, drawn, labels)
+    return Consensus(labels, misfit, tuple(log_nfa.tolist()), apart, notes)
 
 
 def _log_false_alarms(points: Floats, labels: Integers, rng: np.random.Generator) -> Floats:
@@ -181,8 +188,11 @@ def _cluster_complete(
     misfit: Floats,
     bounds: tuple[int, int],
     rng: np.random.Generator,
-) -> tuple[Integers, Integers]:
-    """Tracks and their labels: complete tracks by spectral clustering, the others join them."""
+) -> tuple[Integers, Integers, Sequence[float]]:
+    """Tracks, their labels, and the separation of each label.
+
+    Complete tracks by spectral clustering; the others join them.
+    """
     tracks = _visible_tracks(misfit)
     factor = limit_factor(misfit[tracks], misfit_limit(points[tracks], misfit[tracks]))
     tracks = tracks[first_test(points[tracks], misfit[tracks])]
@@ -194,7 +204,7 @@ def _cluster_complete(
         smallest = max(MIN_GROUP_SIZE, MIN_GROUP_SHARE * len(chosen))
         return SpectralClustering(points[chosen], agreements, bounds[1], smallest, rng)
 
-    complete, labels = _without_small_groups(
+    complete, labels, apart = _without_small_groups(
         tracks[is_complete[tracks]], spectral_clustering, bounds, MIN_GROUP_SHARE
     )
     partial = np.setdiff1d(tracks, np.flatnonzero(is_complete))
@@ -203,7 +213,7 @@ def _cluster_complete(
     grouped, labels = np.concatenate([complete, partial]), np.concatenate([labels, joined])
     labels[second_test(points[grouped], misfit[grouped], labels, factor)] = OUTLIER
     labels[walk_test(points[grouped], labels, rng)] = OUTLIER
-    return grouped, labels
+    return grouped, labels, apart
 
 
 def _cluster_incomplete(
@@ -213,8 +223,8 @@ def _cluster_incomplete(
     misfit: Floats,
     bounds: tuple[int, int],
     rng: np.random.Generator,
-) -> tuple[Integers, Integers]:
-    """Tracks and their labels, by ``RigidGrouping``."""
+) -> tuple[Integers, Integers, Sequence[float]]:
+    """Tracks, their labels, and the separation of each label, by ``RigidGrouping``."""
     tracks = _visible_tracks(misfit)
     tracks = tracks[first_test(points[tracks], misfit[tracks], perspective=True)]
 
@@ -245,16 +255,20 @@ def _without_small_groups(
     partitions: Callable[[Integers], SpectralClustering | RigidGrouping],
     bounds: tuple[int, int],
     share: float,
-) -> tuple[Integers, Integers]:
-    """Groups of the tracks, labels 1..m; starts again without the tracks of small groups."""
+) -> tuple[Integers, Integers, Sequence[float]]:
+    """Groups of the tracks, labels 1..m, and how far each is apart from the nearest other one.
+
+    Starts again without the tracks of small groups.
+    """
     while True:
         found = partitions(tracks)
-        labels = found.best(found.count(*bounds))
+        count = found.count(*bounds)
+        labels = found.best(count)
         sizes = np.bincount(labels)[labels]
         small = sizes < max(MIN_GROUP_SIZE, share * len(tracks))
         # enough tracks must remain for the least number of motions
         if not small.any() or (~small).sum() < MIN_GROUP_SIZE * bounds[0]:
-            return tracks, labels + 1
+            return tracks, labels + 1, found.separations(count)
         tracks = tracks[~small]
 
 
@@ -276,6 +290,14 @@ def _by_size(labels: Integers) -> Integers:
     for number, name in enumerate(names[np.argsort(-sizes, kind="stable")], 1):
         numbered[labels == name] = number
     return numbered
+
+
+def _in_order(apart: Sequence[float], before: Integers, labels: Integers) -> tuple[float, ...]:
+    """The values of the labels 1..m ``before``, in the order of the ``labels`` that they became."""
+    if len(apart) < 2:
+        return ()
+    first = [int(before[labels == label][0]) for label in range(1, int(labels.max(initial=0)) + 1)]
+    return tuple(apart[label - 1] for label in first) if len(first) > 1 else ()
 
 
 def _check_pairs(sets: Sequence[HypothesisSet]) -> None:

@@ -16,7 +16,7 @@ from mssegment.geometry.flats import principal_components
 from mssegment.geometry.robust import StudentT, StudentTFit, hard_em
 from mssegment.records import Floats, Integers
 from mssegment.segmentation.consensus.spectral import embedding, partition, sharpen
-from mssegment.segmentation.consensus.split_test import SplitTest
+from mssegment.segmentation.consensus.split_test import SplitTest, nearest_of_each
 
 MIN_SPREAD = 0.5
 """Standard deviation, in the units of the components, below which differences are not
@@ -154,11 +154,21 @@ class SpectralClustering:
         members = [np.flatnonzero(labels == group) for group in range(groups)]
         return [own for own in members if len(own) >= self._smallest]
 
+    def separations(self, groups: int) -> list[float]:
+        """``SplitTest.ratio`` of each of the ``groups`` and its nearest neighbour."""
+        labels = self.best(groups)
+        members = [np.flatnonzero(labels == group) for group in range(int(labels.max()) + 1)]
+        test = self._test(single=groups == 2)
+        return nearest_of_each(members, test.ratio)
+
     def least_ratio(self, groups: int, *, single: bool) -> float:
         """``SplitTest.ratio`` of the most similar large groups."""
+        test = self._test(single=single)
+        return min(test.ratio(*pair) for pair in combinations(self._large(groups), 2))
+
+    def _test(self, *, single: bool) -> SplitTest:
         if single not in self._tests:
             self._tests[single] = SplitTest(
                 self._points, self._pairwise, self._distances, single=single
             )
-        test = self._tests[single]
-        return min(test.ratio(*pair) for pair in combinations(self._large(groups), 2))
+        return self._tests[single]

@@ -11,7 +11,8 @@ the next partition are two objects by the split test and by epipolar geometry.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from itertools import combinations
 
 import numpy as np
@@ -22,6 +23,7 @@ from mssegment.segmentation.consensus.coassociation import Coassociation
 from mssegment.segmentation.consensus.epipolar_evidence import EpipolarEvidence
 from mssegment.segmentation.consensus.joinedness import Joinedness
 from mssegment.segmentation.consensus.spectral import embedding, partition, sharpen
+from mssegment.segmentation.consensus.split_test import nearest_of_each
 from mssegment.segmentation.consensus.windowed_split import WindowedSplitTest
 
 POWER = 4
@@ -145,25 +147,34 @@ class RigidGrouping:
         if groups not in self._found:
             return False
         found = self._candidate(groups)
-        return found.smallest >= LARGE and self.separation(found.groups) > 1
+        if found.smallest < LARGE:
+            return False
+        separation = self._separation(single=groups == 2)
+        return all(separation(*pair) > 1 for pair in combinations(found.groups, 2))
 
-    def separation(self, groups: Sequence[Integers]) -> float:
-        """R exp(G) of the two groups that are least apart; above 1 all are different objects.
+    def separations(self, groups: int) -> list[float]:
+        """``_separation`` of each of the ``groups`` of the best partition and its nearest one."""
+        labels = self.best(groups)
+        members = [np.flatnonzero(labels == group) for group in range(int(labels.max()) + 1)]
+        return nearest_of_each(members, self._separation(single=groups == 2))
+
+    def _separation(self, *, single: bool) -> Callable[[Integers, Integers], float]:
+        """R exp(G) of two groups; above 1 they are two objects.
 
         R says what a split saves over its price, G how much worse one epipolar geometry predicts
         both. Groups that no window shows together are judged by their joinedness alone.
         """
-        single = len(groups) == 2
         if single not in self._tests:
             self._tests[single] = WindowedSplitTest(*self._tracks, single=single)
-        least = np.inf
-        for pair in combinations(groups, 2):
-            ratio = self._tests[single].ratio(*pair)
+        test = self._tests[single]
+
+        def separation(first: Integers, second: Integers) -> float:
+            ratio = test.ratio(first, second)
             if ratio is None:
-                least = min(least, JOINED / max(self._joinedness(*pair), 1e-12))
-            elif ratio < least:  # growth is not negative, so that a larger ratio needs no fit
-                least = min(least, ratio * np.exp(self._evidence.growth(*pair)))
-        return float(least)
+                return JOINED / max(self._joinedness(first, second), 1e-12)
+            return ratio * math.exp(self._evidence.growth(first, second))
+
+        return separation
 
     def _candidate(self, groups: int) -> Candidate:
         """The best partition into ``groups``, or the nearest number that was found."""

@@ -86,6 +86,7 @@ def segment_by_consensus(
     eligible = status == OUTLIER
     labels, found = _labels(points, hypotheses, eligible, options, rng)
     significance = dict(enumerate(found.log_nfa, start=1))
+    separations = dict(enumerate(found.separations, start=1))
     labels = np.where(eligible, labels, status).astype(np.int64)
     count = int(labels.max(initial=0))
     observed_sets = [ObservedSet.of(points, one) for one in hypotheses.sets]
@@ -93,7 +94,8 @@ def segment_by_consensus(
     residuals = np.full((count, len(points)), np.nan)
     for label in range(1, count + 1):
         motion, residuals[label - 1] = _motion(label, observed_sets, labels)
-        motions.append(replace(motion, log_nfa=significance.get(label)))
+        found_too = {"log_nfa": significance.get(label), "separation": separations.get(label)}
+        motions.append(replace(motion, **found_too))
     ranked = _modes(hypotheses.sets, motions, labels, options, rng)
     return ClusterResult(
         labels=labels,

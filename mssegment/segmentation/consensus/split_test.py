@@ -19,6 +19,9 @@ with the perspective taken out, whichever is shorter.
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
+from itertools import combinations
+
 import numpy as np
 
 from mssegment.geometry.flats import extent, local_residuals
@@ -152,3 +155,14 @@ def _place_and_motion(centred: Floats, frames: int) -> tuple[Floats, Floats]:
     rest = in_motion - in_place @ np.linalg.lstsq(in_place, in_motion, rcond=None)[0]
     variances = np.linalg.eigvalsh(rest.T @ rest / len(rest))
     return np.concatenate([place, leading], axis=1), np.maximum(variances, 0.0)
+
+
+def nearest_of_each(
+    groups: Sequence[Integers], separation: Callable[[Integers, Integers], float]
+) -> list[float]:
+    """The least separation of each group from another one; infinite for a single group."""
+    least = [float("inf")] * len(groups)
+    for i, j in combinations(range(len(groups)), 2):
+        found = separation(groups[i], groups[j])
+        least[i], least[j] = min(least[i], found), min(least[j], found)
+    return least
