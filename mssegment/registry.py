@@ -8,18 +8,31 @@ from __future__ import annotations
 
 import importlib
 from collections.abc import Iterator, Mapping
+from functools import cached_property
 from typing import Any, Generic, TypeVar
+
+from mssegment.plugins import entry_points
 
 T = TypeVar("T")
 
 
 class Registry(Mapping[str, T], Generic[T]):
-    """Names and where the things they name are defined, ``package.module:attribute``."""
+    """Names and where the things they name are defined, ``package.module:attribute``.
 
-    def __init__(self, kind: str, places: Mapping[str, str]) -> None:
+    With a ``group`` other packages register further names as entry points of it.
+    """
+
+    def __init__(self, kind: str, places: Mapping[str, str], group: str = "") -> None:
         self.kind = kind
-        self._places = dict(places)
+        self._own = dict(places)
+        self._group = group
         self._found: dict[str, T] = {}
+
+    @cached_property
+    def _places(self) -> dict[str, str]:
+        """The names of this package, then those of others, which may not replace them."""
+        others = entry_points(self._group) if self._group else {}
+        return self._own | {name: place for name, place in others.items() if name not in self._own}
 
     def __getitem__(self, name: str) -> T:
         """Import and return what ``name`` names; raises KeyError for an unknown name."""
@@ -30,7 +43,7 @@ class Registry(Mapping[str, T], Generic[T]):
 
     def __contains__(self, name: object) -> bool:
         """Whether the name is registered; imports nothing."""
-        return name in self._places
+        return name in self._own or name in self._places
 
     def __iter__(self) -> Iterator[str]:
         """The names in the order in which a user sees them."""
@@ -58,6 +71,7 @@ MANIFOLDS: Registry[Any] = Registry(
         "special_euclidean(2)": "mssegment.manifolds.se2:SE2",
         "special_euclidean(3)": "mssegment.manifolds.se3:SE3",
     },
+    "mssegment.manifolds",
 )
 """The manifolds by the name of their family, or by name and first argument where the members of a
 family have classes of their own."""
@@ -91,6 +105,7 @@ MODELS: Registry[Any] = Registry(
         "translation": "mssegment.models.translation:Translation",
         "factorization": "mssegment.models.factorization:Factorization",
     },
+    "mssegment.models",
 )
 """The motion models that a user may choose (``hypothesize.model``)."""
 
@@ -120,6 +135,7 @@ DATASETS: Registry[Any] = Registry(
         "hloc": "mssegment.datasets.hloc:HLOC",
         "colmap": "mssegment.datasets.colmap:COLMAP",
     },
+    "mssegment.datasets",
 )
 """The formats of tracks that ``import`` and ``run`` read, in the order in which they are tried."""
 

@@ -14,7 +14,7 @@ from mssegment.registry import EVIDENCE, MODELS
 
 ROOT = Path(mssegment.__file__).parent
 LAYERS = [
-    {"records", "errors", "registry", "version", "progress"},
+    {"records", "errors", "plugins", "registry", "version", "progress"},
     {"neighbours", "resources", "special"},
     {"manifolds", "geometry"},
     {"models", "evaluation"},

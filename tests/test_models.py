@@ -173,6 +173,8 @@ def test_noise_has_the_stated_dimension(model, scene, rng):
 
 
 def test_degenerate_subsets_are_invalid(model, scene):
+    if model.subset_size == 1:
+        pytest.skip("one track cannot be degenerate")
     _, _, observed = scene
     same = np.repeat(observed[:1], model.subset_size, axis=0)[None]
     _, valid = model.minimal_fit(same)

@@ -14,6 +14,7 @@ from itertools import combinations
 import numpy as np
 
 from mssegment.geometry.projective import homogeneous_rows, transfer
+from mssegment.models import MotionModel
 from mssegment.neighbours import nearest_others
 from mssegment.records import Floats, Integers
 from mssegment.segmentation.mdl.candidates import Candidates, concatenate
@@ -55,8 +56,8 @@ def merge_faces(
     labels : ndarray [P] of int
     current : Candidates
     """
-    if len(current) < 2 or any(
-        family.observed_set.model.leaves_parallax_free for family in description.families
+    if len(current) < 2 or not all(
+        _maps_the_plane(family.observed_set.model) for family in description.families
     ):
         return labels, current
     object_of = group_motions(labels, continuous_pairs(problem, labels, current, description))
@@ -74,6 +75,11 @@ def merge_faces(
                 candidates += family.fitted(inliers[None], current.modes[faces[:1]])
         motions.append(_saving_most(concatenate(candidates), inliers))
     return merged, concatenate(motions)
+
+
+def _maps_the_plane(model: MotionModel) -> bool:
+    """Whether motions are 3 x 3 matrices that map points of the first frame."""
+    return not model.leaves_parallax_free and model.manifold.point_shape == (3, 3)
 
 
 def continuous_pairs(
