@@ -536,3 +536,32 @@ def test_pictures_that_do_not_fit_the_tracks(tmp_path: Path, call: Call) -> None
     assert "100% of the positions lie outside the pictures" in outcome.err
     outcome = call("run", AFFINE[0], "--images", AFFINE[1], "--out", str(tmp_path / "out"))
     assert outcome.status == ExitStatus.USAGE
+
+
+def test_force_leaves_no_picture_of_an_earlier_run(
+    tracks_csv: str, tmp_path: Path, call: Call
+) -> None:
+    out = tmp_path / "out"
+    assert call("run", *AFFINE, "--out", str(out), "-q").status == 0
+    (out / "mine.txt").write_text("my own")
+    shutil.copy(AFFINE[0], out / "frame-9.png")
+    before = {path.name for path in out.iterdir()}
+    assert {"corners.json", "overlay.png"} <= before
+    arguments = ["--out", str(out), "--force", "-q", "--set", "report.pictures=no"]
+    assert call("run", tracks_csv, *arguments).status == 0
+    left = {path.name for path in out.iterdir()}
+    assert not left & {"corners.json", "overlay.png", "frame-1.png"}
+    assert {"mine.txt", "frame-9.png", "tracks.json", "report.html"} <= left
+
+
+def test_a_picture_that_is_read_is_never_removed(tmp_path: Path, call: Call) -> None:
+    inside = []
+    for name in AFFINE:
+        inside.append(str(tmp_path / f"in-{Path(name).name}"))
+        shutil.copy(name, inside[-1])
+    record = {"files": [Path(name).name for name in inside] + ["../x.txt", "gone.png"]}
+    (tmp_path / "timings.json").write_text(json.dumps(record))
+    (tmp_path.parent / "x.txt").write_text("not ours")
+    assert call("run", *inside, "--out", str(tmp_path), "--force", "-q").status == 0
+    assert all(Path(name).exists() for name in inside)
+    assert (tmp_path.parent / "x.txt").exists()

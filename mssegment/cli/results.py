@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
@@ -49,6 +49,36 @@ def _claim(out: str, force: bool) -> None:
         raise UsageError(
             f"{out}: cannot be written ({error.strerror}); choose another folder"
         ) from None
+
+
+RECORD = "timings.json"
+"""The file of a run that lists the files which it wrote."""
+
+
+def recorded_files(out: str) -> list[str]:
+    """The files that an earlier run wrote into the folder ``out``, by its own record."""
+    import msgspec
+
+    try:
+        content = msgspec.json.decode((Path(out) / RECORD).read_bytes())
+        names = content["files"]
+    except (OSError, KeyError, TypeError, msgspec.MsgspecError):
+        return []
+    paths = [Path(name) for name in names if isinstance(name, str)]
+    return [str(path) for path in paths if not path.is_absolute() and ".." not in path.parts]
+
+
+def remove_stale(out: str, earlier: Iterable[str], kept: Iterable[str]) -> None:
+    """Remove the files of an earlier run from ``out``, but none of ``kept``, by their real paths.
+
+    What cannot be removed stays.
+    """
+    stay = {os.path.realpath(path) for path in kept}
+    for name in earlier:
+        path = Path(out) / name
+        if os.path.realpath(path) not in stay:
+            with suppress(OSError):
+                path.unlink(missing_ok=True)
 
 
 def show(report: Report) -> None:

@@ -113,7 +113,7 @@ def command(
         from mssegment.ground_truth import check_labels
 
         check_labels(configuration.report.labels)
-    from mssegment.cli.results import claimed_folder
+    from mssegment.cli.results import claimed_folder, recorded_files, remove_stale
     from mssegment.results import FramePictures, Results
 
     if configuration.report.masks and tracks is not None and FramePictures(tracks)(0) is None:
@@ -126,6 +126,7 @@ def command(
         from mssegment.resources import keep_freed_memory
 
         keep_freed_memory()
+        earlier = recorded_files(out)
         with console.working("read") as progress:
 
             def on_stage(name: str, document: Document | None, timings: Timings) -> None:
@@ -138,11 +139,13 @@ def command(
             result = pipeline.run(configuration, tracks, threads=threads, on_stage=on_stage)
             progress("report")
             with result.timings.stage("report"):
-                _write_documents(result, out)
+                names = _write_documents(result, out)
                 results = Results.of(result.segmentation, configuration, result.source)
                 results = results.with_masks()
-                names = results.write(out)
+                names += results.write(out)
         _finish(result.timings, names, out, console)
+        sources = [frame.path for frame in result.segmentation.frames]
+        remove_stale(out, earlier, [*(str(Path(out) / name) for name in names), *sources])
         for said in results.said:
             console.note(said)
     if profile:
@@ -241,13 +244,16 @@ def _names_a_schema(path: str) -> bool:
     return b'"mssegment/' in content[:200] or b'"schema"' in content
 
 
-def _write_documents(result: pipeline.Outcome, out: str) -> None:
-    """Write the document of each stage."""
+def _write_documents(result: pipeline.Outcome, out: str) -> list[str]:
+    """Write the document of each stage; the names of the files."""
     from mssegment.documents import write_document
 
+    names = []
     for document in (result.corners, result.tracks, result.hypotheses, result.segmentation):
         if document is not None:
-            write_document(str(Path(out) / f"{document.kind}.json"), document)
+            names.append(f"{document.kind}.json")
+            write_document(str(Path(out) / names[-1]), document)
+    return names
 
 
 def _finish(timings: Timings, names: list[str], out: str, console: Console) -> None:
@@ -256,7 +262,7 @@ def _finish(timings: Timings, names: list[str], out: str, console: Console) -> N
 
     from mssegment.documents import write_bytes
 
-    content = {"seconds": timings.seconds, "peak_bytes": timings.peak_bytes}
+    content = {"seconds": timings.seconds, "peak_bytes": timings.peak_bytes, "files": names}
     write_bytes(
         str(Path(out) / "timings.json"),
         msgspec.json.format(msgspec.json.encode(content), indent=1) + b"\n",
