@@ -322,3 +322,9 @@ def test_registries_load_the_models_they_name():
         kind = models.class_named(name)
         assert kind.name == name
         assert kind.purpose
+
+
+def test_remarks_on_motions_of_several_ranks(rng: np.random.Generator) -> None:
+    kinds = [models.make("factorization", frames=5, rank=rank) for rank in (3, 4, 3)]
+    points = [kind.manifold.random_point(rng, 1)[0] for kind in kinds]
+    assert models.remarks(kinds, points) == ()

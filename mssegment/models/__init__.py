@@ -91,8 +91,10 @@ def remarks(models: Sequence[MotionModel], points: Sequence[Floats]) -> tuple[st
     import numpy as np
 
     found: list[str] = []
-    for kind in dict.fromkeys(type(model) for model in models):
-        own = [i for i, model in enumerate(models) if type(model) is kind]
+    # factorization has motions of several ranks, whose parameters differ in shape
+    kinds = [(type(model), point.shape) for model, point in zip(models, points, strict=True)]
+    for kind in dict.fromkeys(kinds):
+        own = [i for i, other in enumerate(kinds) if other == kind]
         labels = [i + 1 for i in own]
         found += models[own[0]].remarks(labels, np.stack([points[i] for i in own]))
     return tuple(found)
