@@ -77,7 +77,7 @@ def test_tracks_that_are_none(points: Any, error: type[Exception], said: str) ->
         ([np.zeros((4, 4, 4), np.uint8)] * 2, UsageError, r"pictures\[0\]: uint8 of shape"),
         ([np.zeros((4, 4), np.uint8)], UsageError, "found 1 image"),
         ([np.zeros((4, 4), np.uint8), "frame.png"], UsageError, "files and arrays"),
-        ([np.zeros((4, n), np.uint8) for n in (4, 5)], DataError, "frames differ in size"),
+        ([np.zeros((4, n), np.uint8) for n in (4, 5, 5)], DataError, "frames differ in size"),
         ("nowhere.png", DataError, "nowhere.png"),
         ([], UsageError, "no pictures"),
     ],
