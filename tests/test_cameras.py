@@ -144,6 +144,13 @@ FILES: dict[str, tuple[str, Write, tuple[float, ...], bool]] = {
     "savetxt": ("K.txt", lambda path: np.savetxt(path, K), (), False),
     "commas": ("K.csv", lambda path: np.savetxt(path, K, delimiter=","), (), False),
     "printed": ("K.txt", text(str(K)), (), False),
+    "strecha": (
+        "0000.png.camera",
+        text(f"{FX} 0 {CX} \n0 {FY} {CY} \n0 0 1 \n0 0 0\n1 0 0\n0 1 0\n0 0 1\n5 6 7\n640 480\n"),
+        (),
+        False,
+    ),
+    "four numbers": ("k.txt", text(f"{FX} {FY} {CX} {CY}\n"), (), False),
     "npy": ("K.npy", lambda path: np.save(path, K), (), False),
     "npz": ("calib.npz", lambda path: np.savez(path, mtx=K, dist=[BROWN]), BROWN, False),
     "K and D": ("k.json", text(json.dumps({"K": K.tolist(), "D": BROWN})), BROWN, False),
@@ -209,6 +216,7 @@ def test_fisheye_points_become_those_of_a_pinhole(rng: np.random.Generator) -> N
         ("800 0 320\n0 800 240\n0 1 1\n", "not a calibration matrix"),
         ("800 40 320\n0 800 240\n0 0 1\n", "skew 40"),
         ("hello\n", "no camera in this file"),
+        ("<calibration><projection>frame</projection><f>800</f></calibration>", "Metashape's own"),
         ("<opencv_storage><broken>", "not XML"),
         ('<!DOCTYPE a [<!ENTITY b "c">]><a>&b;</a>', "DOCTYPE"),
         ("fx: 800\nfy: 0\ncx: 1\ncy: 1\n", "fy is 0; expected more than 0"),
@@ -219,6 +227,11 @@ def test_what_is_no_camera_is_said(tmp_path: Path, content: str, words: str) -> 
     with pytest.raises(ConfigurationError, match=words) as caught:
         read_camera(str(tmp_path / "c.txt"))
     assert "\n" not in str(caught.value)
+
+
+def test_one_focal_length_serves_both_axes(tmp_path: Path) -> None:
+    (tmp_path / "c.yaml").write_text(f"f: {FX}\ncx: {CX}\ncy: {CY}\n")
+    assert read_camera(str(tmp_path / "c.yaml")) == Camera(FX, FX, CX, CY)
 
 
 def test_one_of_several_cameras(tmp_path: Path) -> None:

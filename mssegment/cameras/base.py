@@ -171,7 +171,7 @@ def camera(
             f"{where}: {len(coefficients)} coefficients of a fisheye lens; expected k1, k2, k3, k4"
         )
     width, height = size or (None, None)
-    return Camera(fx, fy, cx, cy, coefficients, kind, width, height)
+    return Camera(float(fx), float(fy), float(cx), float(cy), coefficients, kind, width, height)
 
 
 def distortion_model(name: str | None, where: str) -> DistortionModel:

@@ -25,6 +25,9 @@ _NAMES = (
     ("flx", "fly", "cx", "cy"),  # nerfstudio
     ("focalx", "focaly", "centerx", "centery"),
     ("focallengthx", "focallengthy", "principalpointx", "principalpointy"),
+    ("f", "f", "cx", "cy"),
+    ("focal", "focal", "cx", "cy"),
+    ("focallength", "focallength", "cx", "cy"),
 )
 _COEFFICIENTS = ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6")
 _FISHEYE = ("k1", "k2", "k3", "k4")
@@ -62,6 +65,11 @@ def camera_of_tree(tree: Tree, where: str) -> Camera | None:
     Raises ConfigurationError if only some of the values are there, or one is not valid.
     """
     own = plain_keys(tree)
+    if {"projection", "f"} <= set(own):
+        raise ConfigurationError(
+            f"{where}: a calibration in Metashape's own form, whose principal point is counted "
+            "from the centre; export it as OpenCV (XML)"
+        )
     names = max(_NAMES, key=lambda names: sum(name in own for name in names))
     present = [name for name in names if name in own]
     if not {names[0], names[1]} & set(present):
