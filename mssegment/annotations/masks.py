@@ -143,8 +143,8 @@ def _check_hard(mask: Integers, path: str) -> None:
     filling = len(distinct(place[solid].astype(np.int64)))
     if (len(values) - filling) * 2 > len(values):
         raise DataError(
-            f"{path}: {len(values)} values, most of them only along edges: a picture, or a mask with soft "
-            "edges; expected labels, saved without smoothing"
+            f"{path}: {len(values)} values, most of them only along edges: a picture, or a mask "
+            "with soft edges; expected labels, saved without smoothing"
         )
 
 
