@@ -5,13 +5,12 @@ together, but with others that move along its epipolar lines. Spectral partition
 on homographies, and on both, into more pieces than there are objects are starts. From each the two
 groups of largest ``Joinedness`` are joined, again and again. Among the partitions into K groups,
 one from each start, that with the shortest description by epipolar geometry is chosen, and each
-track joins the group that describes it best. There are more motions as long as every two groups of
-the next partition are two objects by the split test and by epipolar geometry.
+track joins the group that describes it best. There are more motions as long as every split of the
+next partition saves more than its price, which is higher the more joined the two groups look.
 """
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from itertools import combinations
 
@@ -30,6 +29,9 @@ POWER = 4
 """Power of the agreement that is partitioned."""
 PIECES = (6, 8, 10)
 """Groups of the partitions that are starts."""
+APART = 5.0
+"""Two groups are two objects if R, what their split saves over its price, exceeds their joinedness
+by this factor."""
 JOINED = 1 / 8
 """Groups that are never seen together are two objects if their joinedness is below this."""
 SPARE = 2
@@ -159,10 +161,10 @@ class RigidGrouping:
         return nearest_of_each(members, self._separation(single=groups == 2))
 
     def _separation(self, *, single: bool) -> Callable[[Integers, Integers], float]:
-        """R exp(G) of two groups; above 1 they are two objects.
+        """R / (``APART`` J) of two groups; above 1 they are two objects.
 
-        R says what a split saves over its price, G how much worse one epipolar geometry predicts
-        both. Groups that no window shows together are judged by their joinedness alone.
+        R says what a split saves over its price. Groups that no window shows together are judged by
+        their joinedness alone.
         """
         if single not in self._tests:
             self._tests[single] = WindowedSplitTest(*self._tracks, single=single)
@@ -170,9 +172,8 @@ class RigidGrouping:
 
         def separation(first: Integers, second: Integers) -> float:
             ratio = test.ratio(first, second)
-            if ratio is None:
-                return JOINED / max(self._joinedness(first, second), 1e-12)
-            return ratio * math.exp(self._evidence.growth(first, second))
+            least = JOINED if ratio is None else ratio / APART
+            return least / max(self._joinedness(first, second), 1e-12)
 
         return separation
 
