@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 
 import matplotlib as mpl
@@ -12,7 +13,14 @@ from benchmarks.unseen_scenes import Spec, generate
 from mssegment.geometry.epipolar_fit import compatible_plane, fit_epipolar, mapped_points
 from mssegment.records import Floats, Integers
 from mssegment.sampling.chimeras import LocalFlats, draw_chimeras, draw_walks
+from mssegment.sampling.frame_pairs import draw_for_consensus
+from mssegment.sampling.observed import ObservedSet
+from mssegment.segmentation.consensus.coassociation import CoassociationAccumulator
+from mssegment.segmentation.consensus.epipolar_evidence import EpipolarEvidence
+from mssegment.segmentation.consensus.joinedness import Joinedness
+from mssegment.segmentation.consensus.rigid_grouping import APART
 from mssegment.segmentation.consensus.split_test import SplitTest
+from mssegment.segmentation.consensus.windowed_split import WindowedSplitTest
 
 mpl.rcParams.update({"svg.hashsalt": "mssegment", "font.size": 9, "axes.spines.top": False})
 mpl.rcParams.update({"axes.spines.right": False, "axes.spines.left": False})
@@ -20,13 +28,17 @@ mpl.rcParams.update({"axes.spines.right": False, "axes.spines.left": False})
 FOLDER = Path(__file__).parent / "pictures"
 FRAMES = 8
 SCENES = 60
+PERSPECTIVE_SCENES = 30
+LEAST_RATIO = 0.02
+"""Smaller values of R are drawn here."""
 BLUE, ORANGE, GREY, GREEN = "#3b73b9", "#d9772b", "#8a8a8a", "#3d9155"
 
 
 def main() -> None:
-    """Writes null.svg, split.svg and join.svg to docs/pictures."""
+    """Writes null.svg, split.svg, joined.svg and join.svg to docs/pictures."""
     draw_null(FOLDER / "null.svg")
     draw_split(FOLDER / "split.svg")
+    draw_joined(FOLDER / "joined.svg")
     draw_join(FOLDER / "join.svg")
 
 
@@ -84,6 +96,57 @@ def draw_split(path: Path) -> None:
     axis.set(xscale="log", yticks=[], xlabel="R: what a split saves, over what its border costs")
     axis.legend(frameon=False, loc="upper left")
     _save(figure, path)
+
+
+def draw_joined(path: Path) -> None:
+    """R and J of a static scene and a moving body, and of their halves; tracks cut at random."""
+    apart: list[tuple[float, float]] = []
+    together: list[tuple[float, float]] = []
+    spec = Spec(10, (160, 70), noise=0.4, moving_camera=True, visibility="cut")
+    for seed in range(PERSPECTIVE_SCENES):
+        rng = np.random.default_rng([3, seed])
+        scene = generate(spec, rng)
+        ratio, joinedness = _evidence(scene.points, scene.labels, rng)
+        bodies = [np.flatnonzero(scene.labels == label) for label in (1, 2)]
+        place = np.nanmean(scene.points, axis=1)
+        for pairs, found in (
+            ([bodies], apart),
+            ([halves(body, place) for body in bodies], together),
+        ):
+            for pair in pairs:
+                saved = ratio(*pair)
+                if saved is not None:
+                    found.append((joinedness(*pair), max(saved, LEAST_RATIO)))
+    figure = Figure(figsize=(6.4, 3.4))
+    axis = figure.subplots()
+    axis.plot(*np.transpose(together), "o", color=ORANGE, markersize=4, label="halves of one")
+    axis.plot(*np.transpose(apart), "o", color=BLUE, markersize=4, label="scene and body")
+    ends = np.array([0.01, 1.0])
+    axis.plot(ends, APART * ends, color="black", linewidth=1)
+    axis.set(xscale="log", yscale="log", xlabel="J: how joined they look")
+    axis.set_ylabel("R: what a split saves, over its price")
+    axis.legend(frameon=False, loc="lower left")
+    _save(figure, path)
+
+
+def _evidence(
+    points: Floats, labels: Integers, rng: np.random.Generator
+) -> tuple[Callable[[Integers, Integers], float | None], Joinedness]:
+    """R and J of groups of incomplete tracks, with the noise of the true bodies."""
+    drawn = draw_for_consensus(points, rng)
+    accumulated = CoassociationAccumulator(len(points))
+    for one in drawn.sets:
+        observed_set = ObservedSet.of(points, one)
+        accumulated.add(observed_set, observed_set.ranking_sq_residuals())
+    planar = accumulated.kinds["homography"]
+    place = np.nanmean(points, axis=1)
+    gaps = np.linalg.norm(place[:, None] - place, axis=-1)
+    pairs = sorted({(one.frames[0], one.frames[1]) for one in drawn.sets})
+    evidence = EpipolarEvidence(points, pairs)
+    evidence.measure_noise([np.flatnonzero(labels == label) for label in np.unique(labels)])
+    agreement = np.asarray(planar.mean, dtype=np.float64)
+    test = WindowedSplitTest(points, agreement, gaps, single=True)
+    return test.ratio, Joinedness(planar, gaps, evidence)
 
 
 def draw_join(path: Path) -> None:
