@@ -26,6 +26,8 @@ SLACK = 1.001
 """The factor on the cutoff that keeps rounding from leaving out pairs just within it."""
 SPARE = 8
 """``nearest`` computes the distances of this many pairs more than twice as many as are wanted."""
+NEGLIGIBLE = 1e-18
+"""The share of the largest weight of a row below which weights do not change its sum."""
 DENSE = 0.5
 """The share of pairs within the cutoff above which computing all logarithms is faster."""
 
@@ -154,9 +156,21 @@ class _GroupBlock(KernelBlock):
             self._log[:, :, missing] = 0.0
         return squares
 
+    def _gradients(self, weights: Array) -> Array:
+        """-1/2 grad d^2 of the pairs; the exact one, which is slow, only where a weight matters."""
+        group = self._prepared.group
+        if not group.exact_gradient or self._pairs is not None:
+            return group.gradient_from_log(self._log)
+        matters = weights > NEGLIGIBLE * weights.max(axis=1, keepdims=True, initial=0.0)
+        if matters.all():
+            return group.gradient_from_log(self._log)
+        gradients = np.zeros_like(self._log)
+        gradients[:, :, matters] = group.gradient_from_log(self._log[:, :, matters])
+        return gradients
+
     def weighted_sum(self, weights: Array) -> tuple[Floats, Floats]:
         group = self._prepared.group
-        gradients = group.gradient_from_log(self._log)
+        gradients = self._gradients(weights)
         if self._pairs is None:
             sums = np.einsum("mn,ijmn->ijm", weights, gradients)
         else:

@@ -154,9 +154,9 @@ class SPD(Manifold):
     def prepare(
         self, y: Floats, bandwidth: float = 1.0, precise: bool = True, cutoff: float = np.inf
     ) -> PreparedPoints:
-        """The points ``y`` [n, ...]; no cutoff."""
+        """The points ``y`` [n, ...]."""
         if self.is_affine:
-            return _AffinePoints(self, np.asarray(y, dtype=np.float64), bandwidth)
+            return _AffinePoints(self, np.asarray(y, dtype=np.float64), bandwidth, cutoff)
         return _LogPoints(self, y, bandwidth, precise)
 
     def _from_tangent(self, x: Floats, v: Floats) -> Floats:
@@ -175,10 +175,11 @@ DEFINITE = 1e-15
 
 
 class _AffinePoints(PreparedPoints):
-    """All x^-1/2 y x^-1/2 of a block, and their eigenvalues and vectors."""
+    """All x^-1/2 y x^-1/2 of a block: their eigenvalues, and the vectors of those that matter."""
 
-    def __init__(self, manifold: SPD, y: Floats, bandwidth: float) -> None:
+    def __init__(self, manifold: SPD, y: Floats, bandwidth: float, cutoff: float) -> None:
         self.manifold, self.y, self.size, self.bandwidth = manifold, y, len(y), bandwidth
+        self.cutoff = cutoff
         self.block_rows = max(1, CACHE_NUMBERS // max(1, self.size * manifold.n**2))
 
     def block(self, x: Floats) -> KernelBlock:
@@ -188,18 +189,23 @@ class _AffinePoints(PreparedPoints):
 class _AffineBlock(KernelBlock):
     def __init__(self, prepared: _AffinePoints, x: Floats) -> None:
         self._root, inverse = square_roots(x)
-        ratio = _around(inverse[:, None], prepared.y[None])
-        self._values, self._vectors = symmetric_eigen(ratio)
-        self._values = np.log(self._values)
-        self.scaled_sq_dist = np.einsum("mni,mni->mn", self._values, self._values)
-        self.scaled_sq_dist /= prepared.bandwidth**2
+        self._ratio = _around(inverse[:, None], prepared.y[None])
+        values = np.log(symmetric_eigenvalues(self._ratio))
+        self.scaled_sq_dist = np.einsum("mni,mni->mn", values, values) / prepared.bandwidth**2
+        self._near = self.scaled_sq_dist <= prepared.cutoff**2
 
     def weighted_sum(self, weights: Array) -> tuple[Floats, Floats]:
+        row, column = np.nonzero(self._near)
+        values, vectors = symmetric_eigen(self._ratio[row, column])
+        scaled = vectors * (np.log(values) * weights[row, column, None])[:, None, :]
+        logs = scaled @ _t(vectors)
+        sums = np.zeros(self._root.shape)
+        starts = np.searchsorted(row, np.arange(len(weights)))
+        filled = np.flatnonzero(np.diff(starts, append=len(row)))
+        if filled.size:
+            sums[filled] = np.add.reduceat(logs, starts[filled], axis=0)
         total = weights.sum(axis=1, dtype=np.float64)
-        size = self._vectors.shape[-1]
-        columns = np.moveaxis(self._vectors, 2, 1).reshape(len(weights), size, -1)
-        scaled = columns * (self._values * weights[..., None]).reshape(len(weights), 1, -1)
-        return self._root @ (scaled @ _t(columns)) @ self._root, total
+        return self._root @ sums @ self._root, total
 
 
 class _LogPoints(PreparedPoints):
@@ -245,6 +251,15 @@ def eigh(x: Floats) -> tuple[Floats, Floats]:
         return np.linalg.eigh(x)
     values, vectors = np.linalg.eigh(np.where(finite, x, np.eye(x.shape[-1])))
     return np.where(finite[..., 0], values, np.nan), np.where(finite, vectors, np.nan)
+
+
+def symmetric_eigenvalues(x: Floats) -> Floats:
+    """The eigenvalues of ``symmetric_eigen`` alone."""
+    if x.shape[-1] == 2:
+        return symmetric_eigen(x)[0]
+    finite = np.asarray(np.isfinite(x).all(axis=(-2, -1), keepdims=True))
+    values = np.linalg.eigvalsh(np.where(finite, x, np.eye(x.shape[-1])))
+    return np.where(finite[..., 0], values, np.nan)
 
 
 def symmetric_eigen(x: Floats) -> tuple[Floats, Floats]:

@@ -41,7 +41,7 @@ from mssegment.records import Floats, Integers, replace
 
 KNN_FRACTION = 0.1
 """With ``bandwidth="knn"``, the neighbour is the 0.1 n-th, as in the rule ``auto``."""
-PRECISE_UP_TO = 2000
+PRECISE_UP_TO = 1000
 """Up to so many points the trajectories are computed in double precision, in which labels do not
 depend on the unit or the order of the data; above, in single precision, which is twice as fast."""
 MERGE_WITHIN = 1.0
