@@ -151,7 +151,7 @@ class RigidGrouping:
         found = self._candidate(groups)
         if found.smallest < LARGE:
             return False
-        separation = self._separation(single=groups == 2)
+        separation = self._separation(single=groups == 2, bound=1.0)
         return all(separation(*pair) > 1 for pair in combinations(found.groups, 2))
 
     def separations(self, groups: int) -> list[float]:
@@ -160,11 +160,13 @@ class RigidGrouping:
         members = [np.flatnonzero(labels == group) for group in range(int(labels.max()) + 1)]
         return nearest_of_each(members, self._separation(single=groups == 2))
 
-    def _separation(self, *, single: bool) -> Callable[[Integers, Integers], float]:
+    def _separation(
+        self, *, single: bool, bound: float = np.inf
+    ) -> Callable[[Integers, Integers], float]:
         """R / (``APART`` J) of two groups; above 1 they are two objects.
 
         R says what a split saves over its price. Groups that no window shows together are judged by
-        their joinedness alone.
+        their joinedness alone. Where a lower limit that needs no fit exceeds ``bound``, it will do.
         """
         if single not in self._tests:
             self._tests[single] = WindowedSplitTest(*self._tracks, single=single)
@@ -173,6 +175,9 @@ class RigidGrouping:
         def separation(first: Integers, second: Integers) -> float:
             ratio = test.ratio(first, second)
             least = JOINED if ratio is None else ratio / APART
+            lower = least / max(self._joinedness.bound(first, second), 1e-12)
+            if lower > bound:
+                return lower
             return least / max(self._joinedness(first, second), 1e-12)
 
         return separation
