@@ -119,10 +119,10 @@ def change(key: str, value: Any) -> Change:
 @pytest.mark.parametrize(
     ("changed", "message"),
     [
-        (change("model", "sphere"), "no model is called 'sphere'"),
+        (change("model", "torus"), "no model is called 'torus'"),
         (change("model", "homography"), "belongs to manifold special_linear(3); found affine(2)"),
         (change("model", "factorization"), "model factorization does not accept 2 frames"),
-        (change("manifold", "sphere"), "no manifold is called 'sphere'"),
+        (change("manifold", "torus"), "no manifold is called 'torus'"),
         (
             change("manifold", "grassmann(3,1)"),
             "manifold affine(2); found grassmann(3,1)",
