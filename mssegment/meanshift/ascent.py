@@ -54,6 +54,9 @@ EXTRAPOLATE_BELOW = 0.05
 some trajectories would change their mode."""
 MAX_STEP_FACTOR = 100.0
 """The longest extrapolated step, in shifts."""
+MAX_LEAP = 0.25
+"""The longest extrapolated step, in bandwidths: beside a ridge of the density, where shifts are
+short too, longer ones reach another mode."""
 MIN_BLOCKS_FOR_THREADS = 4
 """With fewer blocks than this, handing them to threads costs more than it saves."""
 MAX_DENSITY_LOSS = 1e-5
@@ -295,7 +298,8 @@ class ActiveTrajectories(State):
             rejected = (step2 > 4.0 * self.step2) & (self.factor > 1)
         longest: Floats | float = 1.0
         if accelerated:
-            longest = np.where(length < EXTRAPOLATE_BELOW, MAX_STEP_FACTOR, OVERRELAXATION)
+            far = np.minimum(MAX_STEP_FACTOR, MAX_LEAP / np.maximum(length, 1e-12))
+            longest = np.where(length < EXTRAPOLATE_BELOW, far, OVERRELAXATION)
         factor = self._step_factors(step, longest)
         converged = factor * length <= tolerance
         origin = self.x
