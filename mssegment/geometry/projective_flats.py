@@ -26,6 +26,7 @@ diverge."""
 LARGEST_DEPTH = 10.0
 """Inverse depths are kept within this many standard deviations, where outliers have none."""
 TINY = 1e-18
+"""Keeps divisions regular for exact data; coordinates here are of the order of 1."""
 
 
 def without_perspective(points: Floats, noise: float) -> Floats:

@@ -24,6 +24,7 @@ significant."""
 DEGREES_OF_FREEDOM = 5.0
 """Of the Student t distribution."""
 EM_ROUNDS = 12
+"""Rounds of hard expectation maximization; most partitions settle in fewer."""
 MAX_REFINED_SHARE = 0.1
 """A refined partition is accepted if at most this share of the labels changes."""
 POWERS = (4, 6, 8)
@@ -139,8 +140,7 @@ class SpectralClustering:
             apart = (
                 n
                 for n in ahead
-                if len(self._large(n)) > len(self._large(groups))
-                and self.least_ratio(n, single=single) > 1
+                if len(self._large(n)) > len(self._large(groups)) and self.apart(n, single=single)
             )
             found = next(apart, None)
             if found is None:
@@ -161,10 +161,15 @@ class SpectralClustering:
         test = self._test(single=groups == 2)
         return nearest_of_each(members, test.ratio)
 
-    def least_ratio(self, groups: int, *, single: bool) -> float:
-        """``SplitTest.ratio`` of the most similar large groups."""
+    def apart(self, groups: int, *, single: bool) -> bool:
+        """Whether ``SplitTest.ratio`` is above 1 for every two large groups.
+
+        The pairs that agree most come first: they are the likeliest to be one motion.
+        """
         test = self._test(single=single)
-        return min(test.ratio(*pair) for pair in combinations(self._large(groups), 2))
+        pairs = list(combinations(self._large(groups), 2))
+        pairs.sort(key=lambda pair: -float(self._pairwise[np.ix_(*pair)].mean()))
+        return all(test.ratio(*pair) > 1 for pair in pairs)
 
     def _test(self, *, single: bool) -> SplitTest:
         if single not in self._tests:
