@@ -4,6 +4,6 @@
 - ``bodies``: which groups one epipole explains better than epipoles of their own.
 """
 
-from mssegment.segmentation.rigid_join.bodies import rigid_bodies
+from mssegment.segmentation.rigid_join.bodies import MIN_MATCHES, pair_evidence, rigid_bodies
 
-__all__ = ["rigid_bodies"]
+__all__ = ["MIN_MATCHES", "pair_evidence", "rigid_bodies"]

@@ -9,7 +9,7 @@ joined.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -79,12 +79,7 @@ def rigid_bodies(points: Floats, members: Sequence[Flags], noise: float) -> tupl
     single = tuple(Body((k,)) for k in range(len(members)) if k not in names)
     if not names:
         return single
-    matches = points[np.any([members[k] for k in names], axis=0)]
-    centres = matches.mean(axis=0)
-    unit = math.sqrt(float(((matches - centres) ** 2).sum(axis=-1).mean()) / 2)
-    normalized, scale = (points - centres) / unit, SCALE_OF_NOISE * noise / unit
-    left = [_group(normalized[members[k]], k, scale) for k in names]
-    left.sort(key=lambda group: -group.size)
+    left, scale = _groups(points, {k: members[k] for k in names}, noise)
     bodies = []
     while left:
         found = _body_of_first(left, scale)
@@ -93,6 +88,28 @@ def rigid_bodies(points: Floats, members: Sequence[Flags], noise: float) -> tupl
         bodies.append(Body(tuple(left[k].name for k in together), evidence))
         left = [group for k, group in enumerate(left) if k not in together]
     return (*bodies, *single)
+
+
+def pair_evidence(points: Floats, one: Flags, other: Flags, noise: float) -> float:
+    """The evidence, in nats, for two groups of matches to be one rigid body; negative against it.
+
+    Parameters are those of ``rigid_bodies``. Each group has at least ``MIN_MATCHES``.
+    """
+    groups, scale = _groups(points, {0: one, 1: other}, noise)
+    table, apart = _table(groups, (0, 1), scale)
+    return table.log_mean([0, 1]) - float(apart.sum())
+
+
+def _groups(
+    points: Floats, members: Mapping[int, Flags], noise: float
+) -> tuple[list[_Group], float]:
+    """The groups in coordinates of unit size, the largest first, and the scale of the noise."""
+    matches = points[np.any(list(members.values()), axis=0)]
+    centres = matches.mean(axis=0)
+    unit = math.sqrt(float(((matches - centres) ** 2).sum(axis=-1).mean()) / 2)
+    normalized, scale = (points - centres) / unit, SCALE_OF_NOISE * noise / unit
+    groups = [_group(normalized[own], name, scale) for name, own in members.items()]
+    return sorted(groups, key=lambda group: -group.size), scale
 
 
 def _group(matches: Floats, name: int, scale: float) -> _Group:
@@ -129,8 +146,13 @@ def _body_of_first(groups: Sequence[_Group], scale: float) -> _Hypothesis:
     return best
 
 
-def _members(groups: Sequence[_Group], fitted_to: Sequence[int], scale: float) -> _Hypothesis:
-    """The groups that belong to the first one with the epipolar geometry of some of them."""
+def _table(
+    groups: Sequence[_Group], fitted_to: Sequence[int], scale: float
+) -> tuple[EpipoleTable, Floats]:
+    """The likelihoods under one epipole, and the evidence [G] for each group as its own body.
+
+    Parallax is relative to the plane of the first group with the epipolar geometry of some.
+    """
     chosen = [groups[k] for k in fitted_to]
     fit = fit_epipolar(
         np.concatenate([group.first for group in chosen]),
@@ -154,6 +176,12 @@ def _members(groups: Sequence[_Group], fitted_to: Sequence[int], scale: float) -
             for k, (group, place) in enumerate(zip(groups, places, strict=True))
         ]
     )
+    return table, apart
+
+
+def _members(groups: Sequence[_Group], fitted_to: Sequence[int], scale: float) -> _Hypothesis:
+    """The groups that belong to the first one with the epipolar geometry of some of them."""
+    table, apart = _table(groups, fitted_to, scale)
     total = table.values[:, 0] + np.maximum(table.values[:, 1:], apart[1:]).sum(axis=1)
     at = int(total.argmax())
     members = [k for k in range(1, len(groups)) if table.values[at, k] > apart[k]]
