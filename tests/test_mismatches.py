@@ -63,3 +63,14 @@ def test_bodies_of_few_matches_save_only_together(seed: int) -> None:
     )
     assert len(found.motions) == 3
     assert (found.labels > 0).all()
+
+
+def test_where_there_is_too_little_a_note_says_how_much_a_motion_needs() -> None:
+    rng = np.random.default_rng(0)
+    points = np.repeat(rng.uniform(0, 400, (15, 1, 2)), 2, axis=1)
+    points[:, 1] += np.repeat([[30.0, 5.0], [-25.0, 14.0], [3.0, -28.0]], 5, axis=0)
+    points[:, 0] += np.repeat([[0.0, 0.0], [600.0, 0.0], [0.0, 500.0]], 5, axis=0)
+    points[:, 1] += np.repeat([[0.0, 0.0], [600.0, 0.0], [0.0, 500.0]], 5, axis=0)
+    found = mssegment.segment_tracks(points, {"background.remove": False}, frame_size=(640, 480))
+    assert not found.motions
+    assert any("at least 6 that agree" in note for note in found.segmentation.notes)

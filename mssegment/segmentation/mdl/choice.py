@@ -21,7 +21,7 @@ from mssegment.records import OUTLIER, Integers, Record, replace
 from mssegment.sampling.neighbourhoods import nearest_neighbours, neighbour_space
 from mssegment.segmentation.mdl.candidates import Candidates, Family, concatenate, from_modes
 from mssegment.segmentation.mdl.continuity import merge_faces
-from mssegment.segmentation.mdl.description import Description
+from mssegment.segmentation.mdl.description import Description, least_tracks
 from mssegment.segmentation.mdl.granularity import parallax_noise, scale_range, suggest
 from mssegment.segmentation.mdl.labelling import (
     LABEL_NEIGHBOURS,
@@ -110,6 +110,11 @@ def mdl(problem: SelectionProblem, ingredients: Ingredients = ALL_INGREDIENTS) -
         notes.append(f"{description.min_motions} motions requested, {len(bodies)} found")
     if len(problem.observed_sets) > 1 and found:
         notes.append(models_chosen(problem, found))
+    if not found:
+        least = min(least_tracks(family.observed_set.model) for family in description.families)
+        notes.append(
+            f"no motion found among {len(labels)} tracks: each needs at least {least} that agree"
+        )
     return SelectionResult(tuple(found), tuple(notes), bodies)
 
 

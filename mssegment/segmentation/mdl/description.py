@@ -12,7 +12,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from mssegment.models import Flags
+from mssegment.models import Flags, MotionModel
 from mssegment.records import Floats, Integers, Record
 from mssegment.segmentation.mdl.candidates import Candidates, Family
 from mssegment.segmentation.mdl.labelling import (
@@ -31,8 +31,9 @@ MIN_LENGTH = 1e-12
 """Smallest length in pixels, so that the logarithm for coincident tracks is finite."""
 RESIDUAL_CAP = 1e4
 """Residuals beyond this, in pixels, are treated as equal."""
-LOOSE = 2.0
-"""Largest median of the residuals of a motion, over that which its scale makes expect."""
+LOOSE = 1.7
+"""Largest median of the residuals of a motion, over that which its scale makes expect. On random
+scenes: 1.4 rejects clouds of static points with depth, 2.0 takes mismatches in large pictures."""
 PENALTY = 1e6
 """Nats per violated bound; more than any description saves."""
 
@@ -106,7 +107,7 @@ class Description(Record, frozen=True):
         labels, saved = self._label(motions)
         count = np.bincount(labels, minlength=len(motions) + 1)[1:]
         least = [
-            SUBSETS_PER_MOTION * self.families[int(index)].observed_set.model.subset_size
+            least_tracks(self.families[int(index)].observed_set.model)
             for index in motions.set_indices
         ]
         too_small = float((count < least).sum()) + self._too_loose(motions, labels)
@@ -185,6 +186,11 @@ class Description(Record, frozen=True):
         per_parameter = max(distance - precision, 0.0) + math.log(2.0)
         parameters = family.observed_set.model.parameters
         return parameters * per_parameter + magnitude + math.log(len(motions) - 1)
+
+
+def least_tracks(model: MotionModel) -> int:
+    """The fewest tracks that a motion of this model must have."""
+    return SUBSETS_PER_MOTION * model.subset_size
 
 
 def _log_precision(scale: float, count: int) -> float:
