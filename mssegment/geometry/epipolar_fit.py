@@ -39,6 +39,11 @@ class EpipolarFit(Record, frozen=True):
     matrix: Floats
     cost: float
 
+    @property
+    def epipole(self) -> Floats:
+        """The epipole of the second view [3], homogeneous, of unit norm."""
+        return np.asarray(np.linalg.svd(self.matrix)[0][:, 2])
+
 
 def fit_epipolar(first: Floats, second: Floats, weights: Floats, noise: float) -> EpipolarFit:
     """Fit an epipolar geometry robustly.
@@ -70,11 +75,18 @@ def fit_epipolar(first: Floats, second: Floats, weights: Floats, noise: float) -
     >>> (np.abs(found) / np.abs(found).max()).round(3).tolist()
     [[0.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, 1.0, 0.0]]
     """
+    return min(epipolar_fits(first, second, weights, noise), key=lambda fit: fit.cost)
+
+
+def epipolar_fits(
+    first: Floats, second: Floats, weights: Floats, noise: float
+) -> list[EpipolarFit]:
+    """The geometries that ``fit_epipolar`` chooses from: affine and, if determined, perspective."""
     rays = homogeneous(first), homogeneous(second)
     fits = [_reweighted(*rays, weights, noise, affine=True)]
     if len(first) >= MIN_PERSPECTIVE:
         fits.append(_reweighted(*rays, weights, noise, affine=False))
-    return min(fits, key=lambda fit: fit.cost)
+    return fits
 
 
 def _reweighted(

@@ -13,7 +13,13 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from mssegment.geometry.epipolar_fit import compatible_plane, fit_epipolar, mapped_points
+from mssegment.geometry.epipolar_fit import (
+    EpipolarFit,
+    compatible_plane,
+    epipolar_fits,
+    fit_epipolar,
+    mapped_points,
+)
 from mssegment.models import Flags
 from mssegment.records import Floats, Record
 from mssegment.segmentation.rigid_join.epipoles import EpipoleTable, Parallax
@@ -96,8 +102,21 @@ def pair_evidence(points: Floats, one: Flags, other: Flags, noise: float) -> flo
     Parameters are those of ``rigid_bodies``. Each group has at least ``MIN_MATCHES``.
     """
     groups, scale = _groups(points, {0: one, 1: other}, noise)
-    table, apart = _table(groups, (0, 1), scale)
-    return table.log_mean([0, 1]) - float(apart.sum())
+    found = []
+    for fit in _fits(groups, scale):
+        table, apart = _table(groups, fit, scale)
+        found.append(table.log_mean([0, 1]) - float(apart.sum()))
+    return max(found)
+
+
+def _fits(groups: Sequence[_Group], scale: float) -> list[EpipolarFit]:
+    """The epipolar geometries of all matches of the groups."""
+    return epipolar_fits(
+        np.concatenate([group.first for group in groups]),
+        np.concatenate([group.second for group in groups]),
+        np.repeat([group.weight for group in groups], [len(group.first) for group in groups]),
+        scale,
+    )
 
 
 def _groups(
@@ -121,7 +140,8 @@ def _group(matches: Floats, name: int, scale: float) -> _Group:
     plane = compatible_plane(fit.matrix, first, second, scale)
     places = mapped_points(plane, first)[0]
     same = np.zeros(len(sample), dtype=np.int64)
-    table = EpipoleTable.of(Parallax(places, second - places, same, np.array([weight]), scale))
+    parallax = Parallax(places, second - places, same, np.array([weight]), scale)
+    table = EpipoleTable.of(parallax, fit.epipole)
     return _Group(name, first, second, size, weight, plane, table.log_mean([0]))
 
 
@@ -146,20 +166,11 @@ def _body_of_first(groups: Sequence[_Group], scale: float) -> _Hypothesis:
     return best
 
 
-def _table(
-    groups: Sequence[_Group], fitted_to: Sequence[int], scale: float
-) -> tuple[EpipoleTable, Floats]:
+def _table(groups: Sequence[_Group], fit: EpipolarFit, scale: float) -> tuple[EpipoleTable, Floats]:
     """The likelihoods under one epipole, and the evidence [G] for each group as its own body.
 
-    Parallax is relative to the plane of the first group with the epipolar geometry of some.
+    Parallax is relative to the plane of the first group with this epipolar geometry.
     """
-    chosen = [groups[k] for k in fitted_to]
-    fit = fit_epipolar(
-        np.concatenate([group.first for group in chosen]),
-        np.concatenate([group.second for group in chosen]),
-        np.repeat([group.weight for group in chosen], [len(group.first) for group in chosen]),
-        scale,
-    )
     plane = compatible_plane(fit.matrix, groups[0].first, groups[0].second, scale)
     places = [mapped_points(plane, group.first)[0] for group in groups]
     parallax = Parallax(
@@ -169,7 +180,7 @@ def _table(
         np.array([group.weight for group in groups]),
         scale,
     )
-    table = EpipoleTable.of(parallax)
+    table = EpipoleTable.of(parallax, fit.epipole)
     apart = np.array(
         [
             max(table.log_mean([k]), _evidence_apart(group, place, scale))
@@ -181,7 +192,8 @@ def _table(
 
 def _members(groups: Sequence[_Group], fitted_to: Sequence[int], scale: float) -> _Hypothesis:
     """The groups that belong to the first one with the epipolar geometry of some of them."""
-    table, apart = _table(groups, fitted_to, scale)
+    fit = min(_fits([groups[k] for k in fitted_to], scale), key=lambda fit: fit.cost)
+    table, apart = _table(groups, fit, scale)
     total = table.values[:, 0] + np.maximum(table.values[:, 1:], apart[1:]).sum(axis=1)
     at = int(total.argmax())
     members = [k for k in range(1, len(groups)) if table.values[at, k] > apart[k]]

@@ -18,6 +18,8 @@ FREEDOM = 2.5
 """Degrees of freedom of the Student t distribution of the parallax across the epipolar lines."""
 FIRST_CELLS = (8, 32)
 """Cells of the first grid, in height and longitude."""
+ROUNDS = 4
+"""Rounds of reweighting of the epipole of a group."""
 LEVELS = 8
 """How many times cells are divided into four."""
 DIVIDED = 16
@@ -66,6 +68,24 @@ class Parallax(Record, frozen=True):
         member = self.groups[:, None] == np.arange(len(self.weights))
         return np.asarray(-(FREEDOM + 1) / 2 * self.weights * (terms @ member))
 
+    def best_epipole(self, group: int) -> Floats:
+        """The epipole [3] that explains the parallax of a group best, in homogeneous coordinates.
+
+        Reweighted least squares of the distances from the lines, which are linear in the epipole.
+        """
+        own = self.groups == group
+        places, shifts = self.places[own] / PLANE_EXTENT, self.shifts[own]
+        moment = places[:, 0] * shifts[:, 1] - places[:, 1] * shifts[:, 0]
+        lines = np.stack([shifts[:, 1], -shifts[:, 0], -moment], axis=1)
+        weights = np.ones(len(lines))
+        for _ in range(ROUNDS):
+            epipole = np.linalg.eigh((lines * weights[:, None]).T @ lines)[1][:, 0]
+            direction = epipole[:2] - epipole[2] * places
+            square = (direction**2).sum(axis=1) + 1e-18
+            across = (lines @ epipole) ** 2 / square
+            weights = 1 / (square * (FREEDOM * self.scale**2 + across))
+        return np.asarray(epipole / [1.0, 1.0, PLANE_EXTENT])
+
 
 class EpipoleTable(Record, frozen=True):
     """Log-likelihood [E, G] of groups in cells of the half-sphere, and logs [E] of their shares."""
@@ -74,14 +94,21 @@ class EpipoleTable(Record, frozen=True):
     log_shares: Floats
 
     @classmethod
-    def of(cls, parallax: Parallax) -> EpipoleTable:
-        """Evaluate the likelihood on a grid refined for every group and for all together."""
+    def of(cls, parallax: Parallax, epipole: Floats) -> EpipoleTable:
+        """Evaluate the likelihood on a grid refined for every group and for all together.
+
+        It is also refined about an ``epipole`` [3], in homogeneous coordinates of the places, and
+        about that of each group: precise parallax has so narrow a peak that a coarse grid misses
+        it.
+        """
+        own = [parallax.best_epipole(k) for k in range(len(parallax.weights))]
+        known = np.stack([_cell_coordinates(each) for each in [epipole, *own]])
         cells = _first_cells()
         values = parallax.log_likelihood(_directions(cells))
         for _ in range(LEVELS):
             divided = _to_divide(cells, values)
-            if not divided.any():
-                break
+            near = np.asarray(np.abs(cells[:, None, :2] - known) <= cells[:, None, 2:] / 2)
+            divided |= np.any(np.all(near, axis=2), axis=1)
             new = _children(cells[divided])
             cells = np.concatenate([cells[~divided], new])
             fresh = parallax.log_likelihood(_directions(new))
@@ -105,6 +132,14 @@ def _first_cells() -> Floats:
     )
     widths = np.full((z.size, 2), [1 / rows, 2 * np.pi / columns])
     return np.concatenate([z.reshape(-1, 1), longitude.reshape(-1, 1), widths], axis=1)
+
+
+def _cell_coordinates(epipole: Floats) -> Floats:
+    """Height and longitude [2] of an epipole [3] on the half-sphere."""
+    direction = epipole * [1.0, 1.0, PLANE_EXTENT]
+    direction = direction / np.linalg.norm(direction) * (1.0 if direction[2] >= 0 else -1.0)
+    longitude = np.arctan2(direction[1], direction[0]) % (2 * np.pi)
+    return np.array([direction[2], longitude])
 
 
 def _directions(cells: Floats) -> Floats:
