@@ -43,6 +43,7 @@ KEYS = (
     "camera.file",
     "report.labels",
     "report.masks",
+    "report.mask_style",
     "report.export",
     "seed",
     "input.images",
