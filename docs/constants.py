@@ -25,13 +25,9 @@ def constants_of(source: str) -> Iterator[tuple[str, str, str]]:
     """Names, values and meanings of the numeric constants of a module."""
     body = ast.parse(source).body
     for statement, after in pairwise([*body, ast.Pass()]):
-        if isinstance(statement, ast.Assign):
-            target = statement.targets[0]
-        elif isinstance(statement, ast.AnnAssign) and statement.value is not None:
-            target = statement.target
-        else:
+        if not isinstance(statement, ast.Assign):
             continue
-        name = ast.unparse(target).strip("()")
+        name = ast.unparse(statement.targets[0]).strip("()")
         if name.upper() != name or not _is_numeric(statement.value):
             continue
         meaning = ""
@@ -40,10 +36,8 @@ def constants_of(source: str) -> Iterator[tuple[str, str, str]]:
         yield name, ast.unparse(statement.value).strip("()"), meaning
 
 
-def _is_numeric(value: ast.expr | None) -> bool:
+def _is_numeric(value: ast.expr) -> bool:
     """Whether an expression holds numbers and no text, call or name."""
-    if value is None:
-        return False
     allowed = (ast.Constant, ast.Tuple, ast.Dict, ast.BinOp, ast.UnaryOp)
     parts = [node for node in ast.walk(value) if isinstance(node, ast.expr)]
     return all(

@@ -1,4 +1,4 @@
-"""Generate docs/commands.md and the tables in the README from the program.
+"""Generate docs/commands.md, docs/constants.md and the tables in the README from the program.
 
 Run ``python -m docs.reference`` (or ``make docs``); a test fails if they differ from the program.
 """
@@ -12,6 +12,7 @@ from typing import Any
 import click
 from click.testing import CliRunner
 
+from docs.constants import page_with_lists
 from mssegment.cli import COMMANDS, cli
 from mssegment.cli.common import flag_of
 from mssegment.configuration import KEYS
@@ -106,6 +107,8 @@ def main() -> None:
     for page in (ROOT / "docs" / "guide").glob("*.md"):
         page.write_text(guide_with_lists(page.read_text(encoding="utf-8")), encoding="utf-8")
     (ROOT / "docs" / "commands.md").write_text(commands_page(), encoding="utf-8")
+    constants = ROOT / "docs" / "constants.md"
+    constants.write_text(page_with_lists(constants.read_text(encoding="utf-8")), encoding="utf-8")
     readme = ROOT / "README.md"
     readme.write_text(readme_with_tables(readme.read_text(encoding="utf-8")), encoding="utf-8")
 

@@ -12,6 +12,7 @@ from pathlib import Path
 import click
 import pytest
 
+from docs.constants import page_with_lists
 from docs.reference import commands_page, guide_with_lists, readme_with_tables
 from mssegment.cli import COMMANDS, cli, invoke
 from mssegment.configuration import KEYS
@@ -137,3 +138,10 @@ def test_the_consoles_of_the_readme_show_what_the_program_prints(
         for part in shown.split("...\n"):
             lines = without_numbers(part.strip("\n"))
             assert "\n".join(lines) in "\n".join(printed)
+
+
+def test_the_list_of_constants_is_that_of_the_code() -> None:
+    page = (ROOT / "docs" / "constants.md").read_text(encoding="utf-8")
+    assert page_with_lists(page) == page, "run `make docs`"
+    unexplained = re.findall(r"^\| `([A-Z_, ]+)` \| [^|]+ \|  \|$", page, re.MULTILINE)
+    assert not unexplained, "write below each constant what it means, and where it comes from"
