@@ -30,7 +30,7 @@ COMMANDS: dict[str, str] = {
     "cluster": "Find the modes of the hypotheses and select the motions.",
     "report": "Show the results and compare them with ground-truth labels.",
     "compare": "Compare several segmentations.",
-    "import": "Import tracks from a CSV or a file of a public data set.",
+    "import": "Import tracks from files of other programs and data sets.",
     "fuse": "Fuse repeated measurements of poses, many of them wrong.",
     "label": "Draw ground-truth labels in a local web page.",
     "benchmark": "Evaluate the segmentation on a public data set.",
