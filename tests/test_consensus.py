@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from moving_bodies import rigid_bodies
+from moving_bodies import perspective_tracks, rigid_bodies
 
 from mssegment import manifolds
 from mssegment.datasets import DATASETS
@@ -22,7 +22,7 @@ from mssegment.segmentation import SegmentOptions
 from mssegment.segmentation.consensus import cluster_by_consensus, segment_by_consensus
 from mssegment.segmentation.consensus.border import border_contrast
 from mssegment.segmentation.consensus.coassociation import mark_best
-from mssegment.segmentation.consensus.model_order import group_cost
+from mssegment.segmentation.consensus.model_order import epipolar_pairs, group_cost
 from mssegment.segmentation.consensus.spectral import embedding, partition, sharpen
 from tests.stages import cluster
 
@@ -289,3 +289,28 @@ def test_kt3dmoseg_with_the_count_given(data_folder: Path) -> None:
         true = int(tracks.labels.max())
         errors.append(misclassification(run(tracks.points, motions=true).labels, tracks.labels))
     assert np.median(errors) < 0.03
+
+
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("frames", [4, 6])
+def test_a_body_before_a_scene_with_depth_is_one_of_two(frames: int, seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    scene = perspective_tracks(rng, tracks=150, frames=frames)
+    body, _ = rigid_bodies(rng, sizes=(50,), frames=frames, noise=0.0)
+    body = body + np.arange(frames)[:, None] * rng.uniform(3, 6, 2)
+    points = np.concatenate([scene, body])
+    points = points + rng.normal(0, 0.2, points.shape)
+    found = cluster_by_consensus(
+        points, draw_for_consensus(points, np.random.default_rng(0)), np.random.default_rng(0)
+    )
+    assert found.labels.max() == 2
+    assert misclassification(found.labels, np.repeat([1, 2], [150, 50])) < 0.03
+    assert min(found.separations) > 1
+
+
+@pytest.mark.parametrize("frames", [3, 4, 10, 60])
+def test_pairs_of_the_epipolar_geometry_are_in_the_sequence(frames: int) -> None:
+    pairs = epipolar_pairs(frames)
+    assert pairs
+    assert len(set(pairs)) == len(pairs)
+    assert all(0 <= first < second < frames for first, second in pairs)
