@@ -28,7 +28,7 @@ significant."""
 DEGREES_OF_FREEDOM = 5.0
 """Of the Student t distribution."""
 EM_ROUNDS = 12
-"""Rounds of hard expectation maximization; most partitions settle in fewer."""
+"""Largest number of rounds of hard expectation maximization."""
 MAX_REFINED_SHARE = 0.1
 """A refined partition is accepted if at most this share of the labels changes."""
 POWERS = (4, 6, 8)

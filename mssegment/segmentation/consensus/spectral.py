@@ -12,7 +12,7 @@ from mssegment.records import Floats, Integers
 STARTS = 4
 """Starts of k-means: the first centre is drawn, the others are the farthest by angle."""
 MAX_ITERATIONS = 30
-"""Rounds of k-means; most partitions settle in fewer."""
+"""Largest number of rounds of k-means."""
 DENSE = 800
 """The number of tracks up to which the dense eigenvalue problem is solved."""
 KRYLOV_VECTORS, MAX_RESTARTS = 4, 30

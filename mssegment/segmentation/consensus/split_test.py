@@ -11,7 +11,8 @@ known about those tracks. The ratio of both is
 with description lengths L in nats, n tracks, of which 2 sqrt(pi n) - pi lie on the border of a
 disc in a square grid, and I the information about the motion of one track beyond an affine map of
 the picture, the sum over the components of 1/2 ln(1 + lambda / (2 sigma)^2). The noise sigma is
-measured. Groups are apart if R > 1.
+measured. R of 1 is where a split pays; the searches for the number of motions weigh R with epipolar
+geometry, which it does not know.
 
 Perspective bends the flat of a rigid body. A group is described as an affine camera sees it, or
 with the perspective taken out, whichever is shorter.
@@ -86,7 +87,7 @@ class SplitTest:
         self._costs: dict[bytes, float] = {}
 
     def ratio(self, first: Integers, second: Integers) -> float:
-        """R of two groups, indices of tracks [n] and [m]; above 1 they are two bodies."""
+        """R of two groups, indices of tracks [n] and [m]."""
         return self.saved(first, second) / max(self.price(first, second), 1e-12)
 
     def saved(self, first: Integers, second: Integers) -> float:

@@ -28,7 +28,7 @@ FLAT_SPREAD = 0.15
 LEAST_GROUP = 8
 """Tracks of the smallest group that is tested."""
 EM_ROUNDS = 30
-"""Rounds of expectation maximization; the posterior changes by less than 0.01 in the last."""
+"""Rounds of expectation maximization."""
 LARGEST_SHARE = 0.5
 """A group of which most tracks are walks would be none."""
 
