@@ -226,23 +226,17 @@ class Segmentation(Outcome, frozen=True):
         UsageError
             If the folder is not empty and ``overwrite`` is not set, or cannot be written.
         """
-        from mssegment.documents import write_document
+        from mssegment.folders import result_folder
+        from mssegment.runs import write_files
 
         out = Path(folder)
         if out.is_file():
             raise UsageError(f"folder: {out} is a file; expected a folder")
         if out.is_dir() and any(out.iterdir()) and not overwrite:
             raise UsageError(f"folder: {out} is not empty; pass overwrite=True, or another folder")
-        results = self._results().with_masks()
-        try:
-            out.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise UsageError(f"folder: {out} cannot be created ({error.strerror})") from None
-        documents = [self.corners, self.tracks, self.hypotheses, self.segmentation]
-        written = [document for document in documents if document is not None]
-        for document in written:
-            write_document(str(out / f"{document.kind}.json"), document)
-        names = [f"{document.kind}.json" for document in written] + results.write(str(out))
+        with result_folder(str(out), replace=overwrite) as written:
+            results = self._results().with_masks()
+            names = write_files(self, results, written, str(out))
         return [out / name for name in names]
 
     def _results(self) -> Results:

@@ -19,7 +19,7 @@ LAYERS = [
     {"manifolds", "geometry"},
     {"models", "evaluation"},
     {"meanshift", "imaging", "datasets", "cameras", "annotations", "documents", "configuration"},
-    {"preprocessing"},
+    {"preprocessing", "folders"},
     {"sampling"},
     {
         "segmentation",
@@ -34,6 +34,7 @@ LAYERS = [
     {"stage_checks"},
     {"pipeline"},
     {"results"},
+    {"runs"},
     {"result"},
     {"benchmarking", "api"},
     {"cli"},

@@ -68,15 +68,16 @@ def command(
         _refuse_without_folder(configuration)
     segmentation = read_argument(document, SegmentationDocument)
     from mssegment.cli import results as console_results
+    from mssegment.folders import result_folder
     from mssegment.rendering.tables import format_report
     from mssegment.results import Results
 
-    with nullcontext() if out is None else console_results.claimed_folder(out, force):
+    with nullcontext() if out is None else result_folder(out, replace=force) as folder:
         results = Results.of(segmentation, configuration)
-        if out is not None:
+        if folder is not None:
             with console.working("report"):
                 results = results.with_masks()
-                written = results.write(out)
+                written = results.write(str(folder.path))
             console.note(f"wrote {', '.join(written)} to {out}")
             for said in results.said:
                 console.note(said)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import sys
 import time
 from pathlib import Path
@@ -29,11 +28,10 @@ from mssegment.configuration import (
     from_text,
     resolve,
 )
-from mssegment.documents import STANDARD, Document, TracksDocument
+from mssegment.documents import Document, TracksDocument
 from mssegment.errors import ConfigurationError, UsageError
 
 if TYPE_CHECKING:
-    from mssegment import pipeline
     from mssegment.resources import Timings
 
 KEYS = (
@@ -48,8 +46,6 @@ KEYS = (
     "seed",
     "input.images",
 )
-_TRACK_FILES = (".csv", ".mat", ".json", ".npy", ".npz", ".tsv", ".txt", ".h5", ".hdf5", ".db")
-"""Suffixes of files of tracks, for those that do not exist."""
 
 
 @click.command(
@@ -114,20 +110,19 @@ def command(
         from mssegment.ground_truth import check_labels
 
         check_labels(configuration.report.labels)
-    from mssegment.cli.results import claimed_folder, recorded_files, remove_stale
-    from mssegment.results import FramePictures, Results
+    from mssegment.folders import result_folder
+    from mssegment.results import FramePictures
+    from mssegment.runs import write_run
 
     if configuration.report.masks and tracks is not None and FramePictures(tracks)(0) is None:
         raise UsageError(
             "--masks: there are no pictures of these tracks; name those that they were made from "
             "with --images"
         )
-    with claimed_folder(out, force):
-        from mssegment import pipeline
+    with result_folder(out, replace=force) as folder:
         from mssegment.resources import keep_freed_memory
 
         keep_freed_memory()
-        earlier = recorded_files(out)
         with console.working("read") as progress:
 
             def on_stage(name: str, document: Document | None, timings: Timings) -> None:
@@ -137,23 +132,16 @@ def command(
                     console.stage(name, describe(document), timings.seconds[name])
                     console.details(document)
 
-            result = pipeline.run(configuration, tracks, threads=threads, on_stage=on_stage)
-            progress("report")
-            with result.timings.stage("report"):
-                names = _write_documents(result, out)
-                results = Results.of(result.segmentation, configuration, result.source)
-                results = results.with_masks()
-                names += results.write(out)
-        _finish(result.timings, names, out, console)
-        sources = [frame.path for frame in result.segmentation.frames]
-        remove_stale(out, earlier, [*(str(Path(out) / name) for name in names), *sources])
-        for said in results.said:
+            run = write_run(configuration, tracks, folder, out, threads=threads, on_stage=on_stage)
+        seconds = run.timings.seconds["report"]
+        console.stage("report", f"{len(run.names)} files in {out}", seconds)
+        for said in run.results.said:
             console.note(said)
     if profile:
-        print(_profile(result.timings), file=sys.stderr)
+        print(_profile(run.timings), file=sys.stderr)
     from mssegment.rendering.tables import format_report
 
-    put(format_report(results.report, chosen_format(form, console)))
+    put(format_report(run.results.report, chosen_format(form, console)))
 
 
 def _configuration(
@@ -163,6 +151,8 @@ def _configuration(
 
     The images on the command line count as an option.
     """
+    from mssegment.runs import are_tracks
+
     layers: list[Setting] = []
     if any(Path(path).suffix.lower() in (".yaml", ".yml") for path in inputs):
         if len(inputs) > 1:
@@ -194,81 +184,17 @@ def _configuration(
     return configuration
 
 
-def are_tracks(path: str) -> bool:
-    """Whether an input is a file of tracks rather than pictures or a video, from its content."""
-    from mssegment.imaging.pictures import looks_like_picture
-
-    name = path if os.path.exists(path) else path.rpartition("#")[0] or path
-    if path == STANDARD:
-        return True
-    if not os.path.isfile(name):
-        return Path(name).suffix.lower() in _TRACK_FILES
-    with Path(name).open("rb") as file:
-        head = file.read(1024)
-    if not head or looks_like_picture(name, head):
-        return False
-    from mssegment.datasets.containers import holds_data
-
-    return holds_data(name, head)
-
-
 def _tracks(configuration: Configuration, console: Console) -> TracksDocument | None:
-    path = configuration.input.tracks
-    if path is None:
+    if configuration.input.tracks is None:
         return None
     start = time.perf_counter()
-    from mssegment import pipeline
-    from mssegment.documents import read_document
+    from mssegment.runs import open_tracks
 
-    if path != STANDARD and _is_document(path):
-        document = read_document(path, TracksDocument)
-    else:
-        document = pipeline.import_tracks(path)
-    if configuration.input.images:
-        document = pipeline.put_on_pictures(document, pipeline.open_input(configuration))
+    document = open_tracks(configuration)
+    assert document is not None
     console.stage("import", describe(document), time.perf_counter() - start)
     console.details(document)
     return document
-
-
-def _is_document(path: str) -> bool:
-    """Whether a file is one that ``mssegment`` wrote, and not the tracks of another program."""
-    try:
-        with Path(path).open("rb") as file:
-            return file.read(200).lstrip().startswith(b"{") and _names_a_schema(path)
-    except OSError:
-        return False
-
-
-def _names_a_schema(path: str) -> bool:
-    content = Path(path).read_bytes()
-    return b'"mssegment/' in content[:200] or b'"schema"' in content
-
-
-def _write_documents(result: pipeline.Outcome, out: str) -> list[str]:
-    """Write the document of each stage; the names of the files."""
-    from mssegment.documents import write_document
-
-    names = []
-    for document in (result.corners, result.tracks, result.hypotheses, result.segmentation):
-        if document is not None:
-            names.append(f"{document.kind}.json")
-            write_document(str(Path(out) / names[-1]), document)
-    return names
-
-
-def _finish(timings: Timings, names: list[str], out: str, console: Console) -> None:
-    """Write timings.json and print the line of the report."""
-    import msgspec
-
-    from mssegment.documents import write_bytes
-
-    content = {"seconds": timings.seconds, "peak_bytes": timings.peak_bytes, "files": names}
-    write_bytes(
-        str(Path(out) / "timings.json"),
-        msgspec.json.format(msgspec.json.encode(content), indent=1) + b"\n",
-    )
-    console.stage("report", f"{len(names)} files in {out}", timings.seconds["report"])
 
 
 def _profile(timings: Timings) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import sys
 from pathlib import Path
@@ -101,4 +102,6 @@ def _write_into(path: str, content: bytes) -> None:
 
 
 def _cannot_write(path: str, error: OSError) -> UsageError:
-    return UsageError(f"{path}: cannot be written ({error.strerror}); choose another path")
+    is_full = error.errno in (errno.ENOSPC, getattr(errno, "EDQUOT", errno.ENOSPC))
+    advice = "make room, or choose another path" if is_full else "choose another path"
+    return UsageError(f"{path}: cannot be written ({error.strerror}); {advice}")

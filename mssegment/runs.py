@@ -1,0 +1,171 @@
+"""One run: its input, and all stages into a folder of results."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from pathlib import Path
+
+import msgspec
+
+from mssegment import pipeline
+from mssegment.configuration import Configuration
+from mssegment.documents import (
+    STANDARD,
+    Document,
+    TracksDocument,
+    read_document,
+    write_bytes,
+    write_document,
+)
+from mssegment.folders import ResultFolder
+from mssegment.records import Record
+from mssegment.resources import Timings
+from mssegment.results import Results
+
+RECORD = "timings.json"
+"""The file of a run that lists the files which it wrote."""
+_TRACK_FILES = (".csv", ".mat", ".json", ".npy", ".npz", ".tsv", ".txt", ".h5", ".hdf5", ".db")
+"""Suffixes of files of tracks, for those that do not exist."""
+
+
+class Run(Record, frozen=True):
+    """What was written: the results, the names of the files, and how long each stage took."""
+
+    results: Results
+    names: list[str]
+    timings: Timings
+
+
+def write_run(
+    configuration: Configuration,
+    tracks: TracksDocument | None,
+    folder: ResultFolder,
+    out: str,
+    *,
+    threads: int = 1,
+    on_stage: Callable[[str, Document | None, Timings], None] = lambda name, document, timings: (
+        None
+    ),
+) -> Run:
+    """Run all stages and write every file of the results.
+
+    Parameters
+    ----------
+    configuration : Configuration
+        The settings.
+    tracks : TracksDocument, optional
+        Tracks to segment, as from ``open_tracks``; by default they are detected in images.
+    folder : ResultFolder
+        Where to write. The files of an earlier run, by its own record, become stale.
+    out : str
+        The folder that ``folder`` becomes.
+    threads : int
+        Number of threads of mean shift.
+    on_stage : callable
+        As in ``pipeline.run``.
+
+    Returns
+    -------
+    Run
+
+    Raises
+    ------
+    DataError, ConfigurationError, UsageError
+        Like the stages, and if a file cannot be written.
+    """
+    found = pipeline.run(configuration, tracks, threads=threads, on_stage=on_stage)
+    on_stage("report", None, found.timings)
+    with found.timings.stage("report"):
+        results = Results.of(found.segmentation, configuration, found.source)
+        results = results.with_masks()
+        names = write_files(found, results, folder, out)
+    _write_record(found.timings, names, folder)
+    return Run(results, names, found.timings)
+
+
+def write_files(
+    found: pipeline.Outcome, results: Results, folder: ResultFolder, out: str
+) -> list[str]:
+    """Write the document of each stage and the files of the results; their names.
+
+    The files of an earlier run into ``out`` become stale, but none that was read.
+    """
+    names = []
+    for document in (found.corners, found.tracks, found.hypotheses, found.segmentation):
+        if document is not None:
+            names.append(f"{document.kind}.json")
+            write_document(str(folder.path / names[-1]), document)
+    names += results.write(str(folder.path))
+    read = {os.path.realpath(frame.path) for frame in found.segmentation.frames}
+    folder.stale += [
+        name for name in recorded_files(out) if os.path.realpath(Path(out) / name) not in read
+    ]
+    return names
+
+
+def _write_record(timings: Timings, names: list[str], folder: ResultFolder) -> None:
+    content = {"seconds": timings.seconds, "peak_bytes": timings.peak_bytes, "files": names}
+    encoded = msgspec.json.format(msgspec.json.encode(content), indent=1) + b"\n"
+    write_bytes(str(folder.path / RECORD), encoded)
+
+
+def recorded_files(out: str) -> list[str]:
+    """The files that an earlier run wrote into the folder ``out``, by its own record; and that."""
+    try:
+        content = msgspec.json.decode((Path(out) / RECORD).read_bytes())
+        names = content["files"]
+    except (OSError, KeyError, TypeError, msgspec.MsgspecError):
+        return []
+    paths = [Path(name) for name in names if isinstance(name, str)]
+    inside = [path for path in paths if not path.is_absolute() and ".." not in path.parts]
+    return [*(str(path) for path in inside), RECORD]
+
+
+def open_tracks(configuration: Configuration) -> TracksDocument | None:
+    """Read the tracks of ``input.tracks``, put on the pictures of ``input.images`` if it has any.
+
+    None if the configuration names no tracks. Raises DataError if they cannot be read.
+    """
+    path = configuration.input.tracks
+    if path is None:
+        return None
+    if path != STANDARD and _is_document(path):
+        document = read_document(path, TracksDocument)
+    else:
+        document = pipeline.import_tracks(path)
+    if configuration.input.images:
+        document = pipeline.put_on_pictures(document, pipeline.open_input(configuration))
+    return document
+
+
+def are_tracks(path: str) -> bool:
+    """Whether an input is a file of tracks rather than pictures or a video, from its content."""
+    from mssegment.imaging.pictures import looks_like_picture
+
+    name = path if os.path.exists(path) else path.rpartition("#")[0] or path
+    if path == STANDARD:
+        return True
+    if not os.path.isfile(name):
+        return Path(name).suffix.lower() in _TRACK_FILES
+    with Path(name).open("rb") as file:
+        head = file.read(1024)
+    if not head or looks_like_picture(name, head):
+        return False
+    from mssegment.datasets.containers import holds_data
+
+    return holds_data(name, head)
+
+
+def _is_document(path: str) -> bool:
+    """Whether a file is one that ``mssegment`` wrote, and not the tracks of another program."""
+    try:
+        with Path(path).open("rb") as file:
+            return file.read(200).lstrip().startswith(b"{") and _names_a_schema(path)
+    except OSError:
+        return False
+
+
+def _names_a_schema(path: str) -> bool:
+    content = Path(path).read_bytes()
+    return b'"mssegment/' in content[:200] or b'"schema"' in content
