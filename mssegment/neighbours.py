@@ -1,4 +1,4 @@
-"""Nearest neighbours by OpenCV's k-d tree.
+"""Nearest neighbours: by OpenCV's k-d tree, in many coordinates by all distances.
 
 Not by ``scipy.spatial``: loading it takes 0.24 s, half of the segmentation of two pictures, and
 OpenCV is loaded anyway.
@@ -16,8 +16,11 @@ EXACT_TREE: dict[str, bool | int | float | str] = {"algorithm": 4}
 """FLANN's single k-d tree, whose answers are exact, but in single precision."""
 EXTRA_CANDIDATES = 4
 """Further neighbours that are retrieved, of which double precision selects the nearest."""
-MAX_QUERIES = 4096
-"""Queries per call, to bound the memory."""
+MANY_COORDINATES = 12
+"""From so many coordinates on a k-d tree visits most of the points, and all distances are
+faster..."""
+MANY_POINTS = 5000
+"""... but not among more points than this."""
 FEW_COORDINATES = 4
 """Up to this many coordinates, computing distances one coordinate at a time is faster."""
 
@@ -56,13 +59,13 @@ def nearest(
     if not n or not m:
         return distance, index
     middle = space.mean(axis=0)
-    tree = cv2.flann.Index((space - middle).astype(np.float32), EXACT_TREE)
-    for start in range(0, m, MAX_QUERIES):
-        rows = slice(start, start + MAX_QUERIES)
+    many = space.shape[1] >= MANY_COORDINATES and n <= MANY_POINTS
+    kind = _AllDistances if many else _Tree
+    candidates = kind(space - middle)
+    for start in range(0, m, kind.queries):
+        rows = slice(start, start + kind.queries)
         block = targets[rows]
-        found, _ = tree.knnSearch(
-            (block - middle).astype(np.float32), min(count + EXTRA_CANDIDATES, n), params={}
-        )
+        found = candidates(block - middle, min(count + EXTRA_CANDIDATES, n))
         exact = _distances(space, found, block)
         unsorted = np.flatnonzero(~(np.diff(exact, axis=1) > 0).all(axis=1))
         order = np.lexsort((found[unsorted], exact[unsorted]))
@@ -75,10 +78,43 @@ def nearest(
     return distance, index
 
 
+class _Tree:
+    """Candidates in few coordinates, from FLANN's k-d tree in single precision."""
+
+    queries = 4096
+    """Queries per call, to bound the memory."""
+
+    def __init__(self, points: Floats) -> None:
+        self._tree = cv2.flann.Index(points.astype(np.float32), EXACT_TREE)
+
+    def __call__(self, queries: Floats, count: int) -> Integers:
+        """Indices [m, count] of the nearest points of the ``queries`` [m, d], nearest first."""
+        found, _ = self._tree.knnSearch(queries.astype(np.float32), count, params={})
+        return np.asarray(found)
+
+
+class _AllDistances:
+    """Candidates in many coordinates, from inner products with all points."""
+
+    queries = 256
+    """Queries per call, to bound the memory."""
+
+    def __init__(self, points: Floats) -> None:
+        self._points, self._squares = points, np.einsum("nd,nd->n", points, points)
+
+    def __call__(self, queries: Floats, count: int) -> Integers:
+        """Indices [m, count] of the nearest points of the ``queries`` [m, d], in no order."""
+        squared = self._squares - 2 * queries @ self._points.T
+        if count == squared.shape[1]:
+            return np.tile(np.arange(count), (len(squared), 1))
+        return np.asarray(np.argpartition(squared, count - 1, axis=1)[:, :count])
+
+
 def _distances(points: Floats, found: Integers, queries: Floats) -> Floats:
     """The distances [m, k] from ``queries`` [m, d] to the ``points`` with the indices ``found``."""
     if points.shape[1] > FEW_COORDINATES:
-        return np.asarray(np.sqrt(np.sum((points[found] - queries[:, None]) ** 2, axis=2)))
+        gap = points[found] - queries[:, None]
+        return np.asarray(np.sqrt(np.einsum("mkd,mkd->mk", gap, gap)))
     squares = sum(
         (points[:, axis].take(found) - queries[:, axis, None]) ** 2
         for axis in range(points.shape[1])

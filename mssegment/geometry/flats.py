@@ -23,9 +23,12 @@ def extent(points: Floats) -> float:
 
     1.2 times the median distance from the median point, which is about the rms radius.
     """
-    points = points[:, np.isfinite(points).all(axis=2).any(axis=0)]
-    middle = np.nanmedian(points, axis=0)
-    return max(1.2 * float(np.nanmedian(np.linalg.norm(points - middle, axis=-1))), 1e-9)
+    seen = np.isfinite(points).all(axis=2)
+    points = points[:, seen.any(axis=0)]
+    # twice as fast where nothing is missing
+    median = np.median if seen.all() else np.nanmedian
+    middle = median(points, axis=0)
+    return max(1.2 * float(median(np.linalg.norm(points - middle, axis=-1))), 1e-9)
 
 
 def principal_components(points: Floats) -> Floats:

@@ -19,7 +19,9 @@ from mssegment.geometry.robust import geman_mcclure_weights
 from mssegment.records import Floats
 
 ROUNDS = 8
-"""Rounds of the forms, the weights and the inverse depths; later ones change less than noise."""
+"""Most rounds of the forms, the weights and the inverse depths."""
+SETTLED = 0.1
+"""The last round is the one that moves a median track by less than this share of the noise."""
 RELAXATION = 1.5
 """Steps of the inverse depths are longer by this factor, which halves the rounds; above 2 they
 diverge."""
@@ -70,6 +72,9 @@ def without_perspective(points: Floats, noise: float) -> Floats:
         slope = (maps[3].reshape(frames, 2) - seen * forms[:, 2, None]).reshape(count, -1)
         step = (residuals * slope).sum(axis=1) / ((slope**2).sum(axis=1) + 1e-12)
         depth = _standardized(depth + RELAXATION * step, weights)
+        moved = step**2 * (slope**2).sum(axis=1)
+        if float(np.median(moved)) < 2 * frames * (SETTLED * noise / scale) ** 2:
+            break
     level = place[:, None] + level.reshape(count, frames, 2)
     return np.asarray(level * scale + middle)
 

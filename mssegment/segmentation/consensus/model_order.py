@@ -203,8 +203,11 @@ class SpectralClustering:
 
     def _test(self, *, single: bool) -> SplitTest:
         if single not in self._tests:
-            self._tests[single] = SplitTest(
-                self._points, self._pairwise, self._distances, single=single
+            known = self._tests.get(not single)
+            self._tests[single] = (
+                known.deciding(single=single)
+                if known
+                else SplitTest(self._points, self._pairwise, self._distances, single=single)
             )
         return self._tests[single]
 

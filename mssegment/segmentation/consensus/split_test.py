@@ -21,6 +21,7 @@ with the perspective taken out, whichever is shorter.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from copy import copy
 from itertools import combinations
 
 import numpy as np
@@ -76,14 +77,25 @@ class SplitTest:
         misfits = local_residuals(vectors)
         free = max(vectors.shape[1] - 3, 1)
         noise = float(np.median(np.linalg.norm(misfits, axis=1) / np.sqrt(free)))
-        self.noise = max(noise, 1e-9 * extent(points))
+        size = extent(points)
+        self.noise = max(noise, 1e-9 * size)
         of_motion = (misfits @ self._directions)[:, 2:]
         correlated = float(np.median(np.sqrt((of_motion**2).mean(axis=1))))
-        systematic = np.sqrt(max(correlated**2 - self.noise**2, 0.0))
-        least = float(np.hypot(self.noise, MISFIT_FACTORS[single] * systematic))
-        self._least_spread = max(LEAST_SPREAD * extent(points), least)
+        self._systematic = float(np.sqrt(max(correlated**2 - self.noise**2, 0.0)))
+        self._resolvable = LEAST_SPREAD * size
         resolved = variances / (NOISE_UNIT * self.noise) ** 2
         self.information = float(0.5 * np.log1p(resolved).sum())
+        self._decide(single)
+
+    def deciding(self, *, single: bool) -> SplitTest:
+        """This test for the other decision; what both have in common is not computed again."""
+        other = copy(self)
+        other._decide(single)
+        return other
+
+    def _decide(self, single: bool) -> None:
+        least = float(np.hypot(self.noise, MISFIT_FACTORS[single] * self._systematic))
+        self._least_spread = max(self._resolvable, least)
         self._costs: dict[bytes, float] = {}
 
     def ratio(self, first: Integers, second: Integers) -> float:
