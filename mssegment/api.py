@@ -10,10 +10,11 @@ import numpy as np
 import numpy.typing as npt
 
 from mssegment import pipeline
-from mssegment.configuration import Configuration, Setting, from_mapping, resolve
+from mssegment.configuration import Configuration, Setting, from_mapping, limits_of, resolve
 from mssegment.datasets.base import check_points, size_that_holds
 from mssegment.documents import TracksDocument
 from mssegment.errors import UsageError
+from mssegment.inputs import limits
 from mssegment.records import Camera, Floats, Frame, Tracks
 from mssegment.result import Segmentation
 
@@ -81,11 +82,11 @@ def segment_pictures(
     if any(isinstance(picture, np.ndarray) for picture in given):
         configuration = _configuration(settings, camera)
         source = _source_of(given, channels)
-        return _found(configuration, pipeline.run(configuration, source=source, threads=threads))
+        return _found(configuration, None, source, threads)
     names = [os.fspath(p) for p in given if not isinstance(p, np.ndarray)]
     images = [Setting("input.images", names, "pictures")]
     configuration = _configuration(settings, camera, images)
-    return _found(configuration, pipeline.run(configuration, threads=threads))
+    return _found(configuration, None, None, threads)
 
 
 def segment_tracks(
@@ -158,10 +159,17 @@ def segment_tracks(
             )
         tracks = pipeline.put_on_pictures(tracks, source)
     configuration = _configuration(settings, camera)
-    return _found(configuration, pipeline.run(configuration, tracks, source, threads=threads))
+    return _found(configuration, tracks, source, threads)
 
 
-def _found(configuration: Configuration, outcome: pipeline.Outcome) -> Segmentation:
+def _found(
+    configuration: Configuration,
+    tracks: TracksDocument | None,
+    source: FrameSource | None,
+    threads: int,
+) -> Segmentation:
+    with limits.using(limits_of(configuration)):
+        outcome = pipeline.run(configuration, tracks, source, threads=threads)
     fields = {name: getattr(outcome, name) for name in pipeline.Outcome.__struct_fields__}
     return Segmentation(**fields, configuration=configuration)
 

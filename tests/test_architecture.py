@@ -15,7 +15,7 @@ from mssegment.registry import EVIDENCE, MODELS
 ROOT = Path(mssegment.__file__).parent
 LAYERS = [
     {"records", "errors", "plugins", "registry", "version", "progress"},
-    {"neighbours", "resources", "special"},
+    {"inputs", "neighbours", "resources", "special"},
     {"manifolds", "geometry"},
     {"models", "evaluation"},
     {"meanshift", "imaging", "datasets", "cameras", "annotations", "documents", "configuration"},
@@ -37,7 +37,7 @@ LAYERS = [
     {"runs"},
     {"result"},
     {"benchmarking", "api"},
-    {"cli"},
+    {"cli", "__main__"},
 ]
 """From the bottom up: a package imports only from its own layer or those below."""
 LAYER = {package: level for level, packages in enumerate(LAYERS) for package in packages}

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Callable, Hashable, Sequence
-from pathlib import Path
 from typing import Any
 
 import cv2
 import numpy as np
 
 from mssegment.errors import DataError
+from mssegment.inputs import limits
+from mssegment.inputs.files import read_file
 from mssegment.records import Floats, Integers, Record
 
 IGNORE = 255
@@ -101,10 +103,10 @@ class ShapeFormat(Record, frozen=True):
 def load_tree(path: str) -> Tree:
     """Parse a JSON or XML file; raises DataError if it is damaged, or defines XML entities."""
     try:
-        text = Path(path).read_text(encoding="utf-8-sig")
-    except FileNotFoundError:
-        raise DataError(f"{path}: no such file; check the name") from None
-    except (OSError, UnicodeDecodeError) as error:
+        content = read_file(path, expected="a file of labels")
+        limits.check("text_bytes", len(content), path)
+        text = content.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
         raise DataError(f"{path}: cannot be read ({error})") from None
     if not text.lstrip().startswith("<"):
         try:
@@ -117,7 +119,7 @@ def load_tree(path: str) -> Tree:
 
     try:
         return ElementTree.fromstring(text)
-    except ElementTree.ParseError as error:
+    except (ElementTree.ParseError, ValueError) as error:
         raise DataError(f"{path}: not XML ({error})") from None
 
 
@@ -132,7 +134,7 @@ def numbered(
     names: dict[Hashable, str] = {s.key: s.name for frame in frames for s in frame.shapes}
     if not names:
         raise DataError(f"{', '.join(paths)}: no shapes in these labels; draw some")
-    keep = all(name.isdecimal() and int(name) < IGNORE for name in names.values())
+    keep = all(re.fullmatch("[0-9]{1,3}", n) and int(n) < IGNORE for n in names.values())
     for key, name in names.items():
         word = name.strip().lower()
         if word in _IGNORED:
@@ -144,8 +146,15 @@ def numbered(
             values[key] = int(name) if keep else taken + 1
     objects = [f"{value} {names[key]}" for key, value in values.items() if 0 < value < IGNORE]
     shown = ", ".join(objects[:6]) + (", ..." if len(objects) > 6 else "")
+    pixels = sum(frame.width * frame.height * _regions(frame) for frame in frames)
+    limits.check("stack_pixels", pixels, f"{', '.join(paths)}: all masks together")
     drawn = [LabelledFrame(f.name, f.number, _draw(f, values)) for f in frames]
     return Annotations(tuple(drawn), (*notes, f"labelled objects: {shown}"))
+
+
+def _regions(frame: ShapedFrame) -> int:
+    """The number of masks of a frame that are held in memory at once."""
+    return 1 + sum(shape.region is not None for shape in frame.shapes)
 
 
 def _draw(frame: ShapedFrame, values: dict[Hashable, int]) -> Integers:
@@ -153,6 +162,7 @@ def _draw(frame: ShapedFrame, values: dict[Hashable, int]) -> Integers:
         raise DataError(
             f"{frame.name}: a frame of {frame.width}x{frame.height} pixels; expected its size"
         )
+    limits.check("picture_pixels", frame.width * frame.height, f"{frame.name}: a labelled frame")
     mask = np.zeros((frame.height, frame.width), np.int64)
     for shape in sorted(frame.shapes, key=lambda shape: shape.rank):
         if shape.region is not None:
@@ -188,7 +198,7 @@ def polygon_of(values: Any, where: str) -> Floats:
     """Flat or nested coordinates as an outline [n, 2]; raises DataError for anything else."""
     try:
         found = np.asarray(values, dtype=np.float64).reshape(-1, 2)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         raise DataError(f"{where}: an outline that is no list of x, y; export it again") from None
     if not np.isfinite(found).all() or np.abs(found).max(initial=0) > LARGEST_SIDE:
         raise DataError(f"{where}: an outline that leaves every picture; export it again")

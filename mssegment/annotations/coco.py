@@ -18,6 +18,7 @@ from mssegment.annotations.base import (
     polygon_of,
 )
 from mssegment.errors import DataError
+from mssegment.inputs import limits
 from mssegment.records import Floats
 
 _IDS = ("track_id", "instance_id", "object_id")
@@ -47,7 +48,7 @@ def read(tree: Tree, path: str) -> tuple[list[ShapedFrame], list[str]]:
             boxes += len(by_image.get(key, [])) - len(own)
             if own:
                 frames.append(_frame(image, own, names, path))
-    except (KeyError, TypeError, AttributeError) as error:
+    except (KeyError, TypeError, AttributeError, ValueError, OverflowError) as error:
         raise DataError(f"{path}: damaged COCO labels ({error}); export them again") from None
     notes = [f"{path}: {boxes} annotations without a segmentation left out"] if boxes else []
     return frames, notes
@@ -92,6 +93,7 @@ def decode_runs(code: dict[str, Any], path: str) -> npt.NDArray[np.bool_]:
     is_size = 0 < height <= LARGEST_SIDE and 0 < width <= LARGEST_SIDE
     if not fits or not is_size or sum(runs) != height * width:
         raise DataError(f"{path}: a damaged run-length code; export the labels again")
+    limits.check("picture_pixels", height * width, path)
     values = np.arange(len(runs)) % 2 == 1
     return np.repeat(values, runs).reshape(width, height).T
 

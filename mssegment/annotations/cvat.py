@@ -36,7 +36,7 @@ def read(tree: Tree, path: str) -> tuple[list[ShapedFrame], list[str]]:
     """
     try:
         frames = [*_images(tree, path), *_tracks(tree, path)]
-    except (KeyError, ValueError) as error:
+    except (KeyError, ValueError, TypeError, OverflowError) as error:
         raise DataError(f"{path}: damaged CVAT labels ({error}); export them again") from None
     return frames, []
 
@@ -93,6 +93,9 @@ def _mask(element: Element, size: tuple[int, int]) -> object:
     """Runs of background and object, in rows, within a box."""
     left, top, width, height = (int(element.attrib[n]) for n in ("left", "top", "width", "height"))
     runs = [int(run) for run in element.attrib["rle"].split(",")]
+    inside = 0 <= left <= left + width <= size[0] and 0 <= top <= top + height <= size[1]
+    if not inside or min(runs) < 0 or sum(runs) != width * height:
+        raise ValueError("a mask that does not fill its box inside the picture")
     flat = np.repeat(np.arange(len(runs)) % 2 == 1, runs)
     region = np.zeros(size[::-1], dtype=bool)
     region[top : top + height, left : left + width] = flat.reshape(height, width)

@@ -33,6 +33,8 @@ def read(tree: Tree, path: str) -> tuple[list[ShapedFrame], list[str]]:
     shapes: list[Shape] = []
     count: Counter[str] = Counter()
     left_out: Counter[str] = Counter()
+    if not isinstance(tree["shapes"], list):
+        raise DataError(f"{path}: 'shapes' is no list; export the labels again")
     for entry in tree["shapes"]:
         if not isinstance(entry, dict):
             raise DataError(f"{path}: a damaged shape; export it again")
@@ -42,7 +44,7 @@ def read(tree: Tree, path: str) -> tuple[list[ShapedFrame], list[str]]:
         if outline is None:
             left_out[kind] += 1
             continue
-        key = (label, group) if group is not None else (label, f"#{count[label]}")
+        key = (label, str(group)) if group is not None else (label, f"#{count[label]}")
         count[label] += group is None
         shapes.append(Shape(key, label, (outline,)))
     width, height = tree.get("imageWidth"), tree.get("imageHeight")

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from pathlib import Path
+import os
 
 from mssegment.cameras.base import CameraFile, CameraFormat
 from mssegment.cameras.checks import fitted
 from mssegment.errors import ConfigurationError
+from mssegment.inputs.files import read_file
 from mssegment.records import Camera
 from mssegment.registry import CAMERAS
 
@@ -41,14 +42,15 @@ def read_camera(path: str) -> Camera:
 
 def _opened(path: str) -> tuple[CameraFile, str]:
     name, member = path, ""
-    if not Path(path).exists() and "#" in path:
+    if "#" in path and not os.path.exists(path):
         name, _, member = path.rpartition("#")
-    try:
-        return CameraFile(name, Path(name).read_bytes()), member
-    except FileNotFoundError:
-        raise ConfigurationError(f"{name}: no such camera file; check the name") from None
-    except OSError as error:
-        raise ConfigurationError(f"{name}: cannot be read ({error.strerror})") from None
+    content = read_file(
+        name,
+        error=ConfigurationError,
+        expected="a camera file",
+        missing="no such camera file; check the name",
+    )
+    return CameraFile(name, content), member
 
 
 def _chosen(found: dict[str, Camera], file: CameraFile, name: str) -> Camera:

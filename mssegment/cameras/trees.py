@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from mssegment.errors import ConfigurationError
+from mssegment.inputs.numpy_headers import check_arrays
 
 
 def of_yaml(text: str, name: str) -> dict[str, Any]:
@@ -17,6 +18,8 @@ def of_yaml(text: str, name: str) -> dict[str, Any]:
     Raises ConfigurationError, with line and column, for a file with keys that is not YAML.
     """
     import yaml
+
+    from mssegment.inputs.yaml_nodes import check_nodes
 
     class Loader(yaml.SafeLoader):
         """Reads tagged values, such as ``!!opencv-matrix``, as what they are written as."""
@@ -35,14 +38,16 @@ def of_yaml(text: str, name: str) -> dict[str, Any]:
     plain = "\n".join(re.sub(r"^(\s*[A-Za-z_][\w.]*):(?=[\d.+-])", r"\1: ", line) for line in lines)
     try:
         # `rostopic echo` ends each message with a line of dashes
-        found = next(iter(yaml.load_all(plain, Loader=Loader)), None)
+        node = next(iter(yaml.compose_all(plain, Loader=Loader)), None)
+        check_nodes(node, name, ConfigurationError)
+        found = None if node is None else Loader("").construct_document(node)
     except yaml.MarkedYAMLError as error:
         if not re.search(r"^\s*[A-Za-z_][\w.]*\s*:", text, re.M):
             return {}  # not meant as YAML
         mark = error.problem_mark
         place = f":{mark.line + 1}:{mark.column + 1}" if mark else ""
         raise ConfigurationError(f"{name}{place}: not YAML ({error.problem})") from None
-    except (yaml.YAMLError, ValueError, RecursionError) as error:
+    except (yaml.YAMLError, ValueError, OverflowError, TypeError, RecursionError) as error:
         raise ConfigurationError(f"{name}: not YAML ({' '.join(str(error).split())})") from None
     return found if isinstance(found, dict) else {}
 
@@ -58,7 +63,7 @@ def of_xml(text: str, name: str) -> dict[str, Any]:
         raise ConfigurationError(f"{name}: XML with a DOCTYPE is not read; expected OpenCV's")
     try:
         root = ElementTree.fromstring(text)
-    except ElementTree.ParseError as error:
+    except (ElementTree.ParseError, ValueError) as error:
         raise ConfigurationError(f"{name}: not XML ({error})") from None
 
     def value(element: ElementTree.Element) -> Any:
@@ -71,7 +76,10 @@ def of_xml(text: str, name: str) -> dict[str, Any]:
             return " ".join(words).strip('"')
         return numbers[0] if len(numbers) == 1 else numbers
 
-    found = value(root)
+    try:
+        found = value(root)
+    except RecursionError:
+        raise ConfigurationError(f"{name}: XML that is nested too deeply for a camera") from None
     return found if isinstance(found, dict) else {}
 
 
@@ -80,6 +88,7 @@ def of_numpy(content: bytes, name: str) -> dict[str, Any]:
 
     Raises ConfigurationError if the file is damaged or pickled.
     """
+    check_arrays(content, name, ConfigurationError)
     try:
         found = np.load(io.BytesIO(content), allow_pickle=False)
         if isinstance(found, np.ndarray):

@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import gc
 import importlib
 import os
@@ -15,6 +16,7 @@ from collections.abc import Sequence
 import click
 
 from mssegment.errors import ExitStatus, MssegmentError
+from mssegment.inputs.text import printable
 from mssegment.version import __version__
 
 # The matrix products are small: two BLAS threads make them several times slower, and the last bits
@@ -40,6 +42,8 @@ COMMANDS: dict[str, str] = {
 }
 """Every command with its one-line help; its module is ``cli/<name>.py`` (``import_tracks.py``)."""
 
+LONGEST_ERROR = 600
+"""Characters of an error line; the middle of a longer one is cut, where a value was quoted."""
 _MODULES = {"import": "import_tracks"}
 
 
@@ -156,7 +160,9 @@ def invoke(arguments: list[str]) -> int:
 
 
 def _fail(message: str, status: ExitStatus) -> int:
-    print(f"mssegment: {' '.join(message.split())}", file=sys.stderr)
+    line = printable(" ".join(message.split()), LONGEST_ERROR)
+    with contextlib.suppress(OSError, ValueError, AttributeError):  # stderr may be closed
+        print(f"mssegment: {line}", file=sys.stderr)
     return status
 
 

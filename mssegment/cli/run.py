@@ -26,10 +26,12 @@ from mssegment.configuration import (
     Setting,
     from_file,
     from_text,
+    limits_of,
     resolve,
 )
 from mssegment.documents import Document, TracksDocument
 from mssegment.errors import ConfigurationError, UsageError
+from mssegment.inputs import limits
 
 if TYPE_CHECKING:
     from mssegment.resources import Timings
@@ -105,6 +107,7 @@ def command(
     report.json, timings.json, annotated pictures and report.html.
     """
     configuration = _configuration(inputs, settings, assignments)
+    click.get_current_context().with_resource(limits.using(limits_of(configuration)))
     tracks = _tracks(configuration, console)
     if configuration.report.labels:
         from mssegment.ground_truth import check_labels

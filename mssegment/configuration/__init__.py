@@ -24,6 +24,7 @@ from mssegment.configuration.settings import (
     HypothesizeSettings,
     InputSettings,
     Key,
+    LimitSettings,
     MatchSettings,
     ReportSettings,
     SegmentSettings,
@@ -31,6 +32,7 @@ from mssegment.configuration.settings import (
     check_key,
 )
 from mssegment.errors import ConfigurationError, UsageError
+from mssegment.inputs.limits import LIMITS
 from mssegment.records import Camera
 
 __all__ = [
@@ -43,6 +45,7 @@ __all__ = [
     "HypothesizeSettings",
     "InputSettings",
     "Key",
+    "LimitSettings",
     "MatchSettings",
     "ReportSettings",
     "SegmentSettings",
@@ -54,6 +57,7 @@ __all__ = [
     "from_mapping",
     "from_options",
     "from_text",
+    "limits_of",
     "resolve",
 ]
 
@@ -104,6 +108,12 @@ def resolve(settings: Iterable[Setting]) -> Configuration:
     configuration = msgspec.convert(values, Configuration)
     _check_together(configuration)
     return configuration
+
+
+def limits_of(configuration: Configuration) -> dict[str, int]:
+    """The limits of a configuration that differ from their defaults, for ``limits.using``."""
+    found: dict[str, int] = msgspec.structs.asdict(configuration.limits)
+    return {name: value for name, value in found.items() if value != LIMITS[name].default}
 
 
 def from_file(path: str) -> list[Setting]:

@@ -14,20 +14,24 @@ import yaml
 
 from mssegment.configuration.settings import KEYS, Setting, check_key
 from mssegment.errors import ConfigurationError
+from mssegment.inputs.files import read_file
+from mssegment.inputs.yaml_nodes import check_nodes
 
 _PATH_KEYS = ("input.images", "input.tracks", "camera.file", "report.labels")
 
 
 def read_settings(path: str) -> list[Setting]:
     """The settings in a configuration file; see ``configuration.from_file``."""
+    content = read_file(
+        path,
+        error=ConfigurationError,
+        expected="a configuration file",
+        missing="no such configuration file; `mssegment init` writes one to start from",
+    )
     try:
-        text = Path(path).read_text(encoding="utf-8")
-    except FileNotFoundError:
-        raise ConfigurationError(
-            f"{path}: no such configuration file; `mssegment init` writes one to start from"
-        ) from None
-    except (OSError, UnicodeDecodeError) as error:
-        raise ConfigurationError(f"{path}: cannot be read ({error})") from None
+        text = content.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        raise ConfigurationError(f"{path}: not UTF-8 ({error}); save it as UTF-8") from None
     return [_relative_to(Path(path).parent, s) for s in _flatten(_compose(text, path), path)]
 
 
@@ -39,7 +43,11 @@ def value_of(text: str, origin: str) -> Any:
 
 def _compose(text: str, path: str) -> yaml.Node | None:
     try:
-        return yaml.compose(text, Loader=yaml.SafeLoader)
+        node = yaml.compose(text, Loader=yaml.SafeLoader)
+        check_nodes(node, path, ConfigurationError)
+        return node
+    except RecursionError:
+        raise ConfigurationError(f"{path}: nested too deeply; expected `section: key`") from None
     except yaml.MarkedYAMLError as error:
         mark = error.problem_mark
         place = f":{mark.line + 1}:{mark.column + 1}" if mark else ""
@@ -76,8 +84,8 @@ def _value(node: yaml.Node, origin: str) -> Any:
     loader = yaml.SafeLoader("")
     try:
         return loader.construct_document(node)
-    except (yaml.YAMLError, ValueError) as error:
-        # ValueError: a scalar that looks like a date or a number but is not one
+    except (yaml.YAMLError, ValueError, OverflowError, TypeError, RecursionError) as error:
+        # a scalar that looks like a date or a number but is not one, or a mapping as a key
         reason = getattr(error, "problem", None) or error
         raise ConfigurationError(f"{origin}: not a plain YAML value ({reason})") from None
     finally:

@@ -15,6 +15,7 @@ from msgspec import Meta
 
 from mssegment.errors import ConfigurationError, MssegmentError
 from mssegment.imaging.matching import MATCHERS, default_matcher
+from mssegment.inputs.limits import LIMITS
 from mssegment.records import Record
 from mssegment.registry import EXPORTS, KERNELS, MASK_STYLES, MODELS, SELECTIONS
 
@@ -314,6 +315,25 @@ class ReportSettings(Section, frozen=True):
     html: Annotated[bool, Meta(description="Write report.html.")] = True
 
 
+if TYPE_CHECKING:
+
+    class LimitSettings(Section, frozen=True):
+        """Sizes of input that are refused, one field for each of ``inputs.limits.LIMITS``."""
+
+else:
+    LimitSettings = msgspec.defstruct(
+        "LimitSettings",
+        [
+            (name, Annotated[int, Meta(ge=1, description=own.description)], own.default)
+            for name, own in LIMITS.items()
+        ],
+        bases=(Section,),
+        frozen=True,
+        kw_only=True,
+    )
+    LimitSettings.__doc__ = "Sizes of input above which it is refused."
+
+
 class Configuration(Section, frozen=True):
     """All settings. Each field of a section is one key, for example ``cluster.bandwidth``."""
 
@@ -327,6 +347,7 @@ class Configuration(Section, frozen=True):
     cluster: ClusterSettings = ClusterSettings()
     segment: SegmentSettings = SegmentSettings()
     report: ReportSettings = ReportSettings()
+    limits: LimitSettings = LimitSettings()
 
 
 class Key(Record, frozen=True):

@@ -90,12 +90,14 @@ def read(file: InputFile) -> ImportedTracks:
 
 def _picture(variables: Variables, name: str, path: str) -> npt.NDArray[np.uint8]:
     picture = np.asarray(variables[name])
-    if picture.dtype != np.uint8 or picture.ndim not in (2, 3) or not picture.size:
+    is_picture = picture.ndim == 2 or (picture.ndim == 3 and picture.shape[2] in (1, 3, 4))
+    if picture.dtype != np.uint8 or not is_picture or not picture.size:
         raise DataError(
-            f"{path}: variable '{name}' is {picture.dtype} {picture.shape}; expected an 8-bit image"
+            f"{path}: variable '{name}' is {picture.dtype} {picture.shape}; expected an 8-bit "
+            "image, [height, width] or [height, width, 3]"
         )
-    if picture.ndim == 2:
-        picture = np.repeat(picture[:, :, None], 3, axis=2)
+    if picture.ndim == 2 or picture.shape[2] == 1:
+        picture = np.repeat(picture.reshape(*picture.shape[:2], 1), 3, axis=2)
     return np.ascontiguousarray(picture[:, :, :3])
 
 

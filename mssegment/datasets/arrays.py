@@ -17,6 +17,7 @@ from mssegment.datasets.base import (
     check_points,
     frames_inside,
     size_that_holds,
+    unseen,
 )
 from mssegment.datasets.containers import InputFile, Variables
 from mssegment.datasets.matches import is_sighting_like
@@ -97,7 +98,7 @@ def _regular(nested: list[Any]) -> npt.NDArray[Any] | None:
     """Nested lists as an array, null as NaN; None if they are not regular numbers."""
     try:
         return np.array(_without_null(nested), dtype=np.float64)
-    except (ValueError, TypeError):
+    except (ValueError, TypeError, OverflowError, RecursionError):
         return None
 
 
@@ -178,7 +179,7 @@ def _from_rows(values: Floats, file: InputFile, where: str) -> ImportedTracks:
     if values.shape[1] == 4 and is_sighting_like(values):
         names, row = np.unique(values[:, 0].astype(np.int64), return_inverse=True)
         times, column = np.unique(values[:, 1], return_inverse=True)
-        points = np.full((len(names), len(times), 2), np.nan)
+        points = unseen(len(names), len(times), file.name)
         points[row, column] = values[:, [3, 2]]
         ids = tuple(map(str, names))
         notes = ("array [n, 4]: read as napari's tracks (id, t, y, x)",)
@@ -216,7 +217,7 @@ def _like(array: Any, shape: tuple[int, ...]) -> Floats | None:
     """Numbers of the shape [P, F], given so or as [F, P], with or without axes of length 1."""
     try:
         values = np.asarray(array, dtype=np.float64)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         return None
     if values.size != shape[0] * shape[1]:
         return None

@@ -11,7 +11,11 @@ import numpy.typing as npt
 
 from mssegment.datasets.containers import InputFile, Variables
 from mssegment.errors import DataError
+from mssegment.inputs import limits
 from mssegment.records import LARGEST_COORDINATE, Camera, Floats, Frame, Integers, Record, Tracks
+
+LARGEST_LABEL = 1_000_000
+"""Largest true label; a larger number is an identifier, or damage."""
 
 
 class ImportedTracks(Record, frozen=True):
@@ -129,6 +133,15 @@ def frames_inside(
     return tuple(Frame(name, width, height, digest, index) for index in indices)
 
 
+def unseen(tracks: int, frames: int, where: str) -> Floats:
+    """Positions [P, F, 2] that are all NaN, to be filled.
+
+    Raises DataError above ``limits.positions``; ``where`` opens the message.
+    """
+    limits.check("positions", tracks * frames, f"{where}: {tracks} tracks over {frames} frames")
+    return np.full((tracks, frames, 2), np.nan)
+
+
 def size_that_holds(points: Floats) -> tuple[int, int]:
     """Width and height of the smallest image, in pixels, that contains all points [..., 2]."""
     seen = points[np.isfinite(points).all(axis=-1)]
@@ -171,11 +184,15 @@ def check_labels(
         raise DataError(f"{where}: {len(flat)} labels for {tracks} tracks; expected one per track")
     try:
         numbers = flat.astype(np.float64)
-    except (TypeError, ValueError) as error:
+    except (TypeError, ValueError, OverflowError) as error:
         raise DataError(f"{where}: the labels are not numbers; expected 0, 1, 2, ...") from error
     whole = np.isfinite(numbers) & (numbers == np.round(numbers)) & (numbers >= 0)
     if not whole.all():
         raise DataError(f"{where}: found {numbers[~whole][0]:g}; expected {expected}")
+    if len(numbers) and numbers.max() > LARGEST_LABEL:
+        raise DataError(
+            f"{where}: found {numbers.max():g}; expected labels up to {LARGEST_LABEL:,}"
+        )
     return numbers.astype(np.int64)
 
 
@@ -191,12 +208,13 @@ def check_points(points: Floats, where: str) -> None:
             f"{where}: {tracks} track{'s' * (tracks != 1)} over {frames} "
             f"frame{'s' * (frames != 1)}; expected at least 1 track and 2 frames"
         )
-    wild = np.abs(np.nan_to_num(points, nan=0.0)) > LARGEST_COORDINATE
+    # less than the limit, not equal to it: the frame is one pixel wider than its last position
+    wild = np.abs(np.nan_to_num(points, nan=0.0)) > LARGEST_COORDINATE - 1
     if wild.any():
         track, frame, axis = np.argwhere(wild)[0]
         raise DataError(
             f"{where}: track {track} is at {points[track, frame, axis]:g} in frame {frame}; "
-            f"expected pixels, at most {LARGEST_COORDINATE:g}"
+            f"expected pixels, less than {LARGEST_COORDINATE:g}"
         )
 
 

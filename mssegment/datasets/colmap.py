@@ -34,11 +34,15 @@ def load_database(file: InputFile) -> Variables:
             with open(copy, "wb") as out:
                 out.write(file.content)
             source = sqlite3.connect(copy)
+            source.execute("pragma trusted_schema = off")
             try:
                 source.backup(connection)
             finally:
                 source.close()
-        tables = {row[0] for row in connection.execute("select name from sqlite_master")}
+        connection.execute("pragma trusted_schema = off")
+        # no views: a query on one may run for ever
+        named = connection.execute("select name from sqlite_master where type = 'table'")
+        tables = {str(row[0]) for row in named}
         if not {"images", "keypoints", "matches"} <= tables:
             raise DataError(
                 f"{file.name}: a database with {', '.join(sorted(tables)) or 'no tables'}; "
@@ -49,7 +53,7 @@ def load_database(file: InputFile) -> Variables:
             "pairs": _pairs(connection, tables),
             "connection": connection,
         }
-    except sqlite3.Error as error:
+    except (sqlite3.Error, ValueError, TypeError, OverflowError, MemoryError) as error:
         raise DataError(f"{file.name}: a damaged database ({error}); copy it again") from None
 
 

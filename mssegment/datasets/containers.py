@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import json
+import os
 from collections.abc import Callable, Mapping
 from functools import cached_property
 from pathlib import Path
 from typing import Any
 
 from mssegment.errors import DataError
+from mssegment.inputs import limits
+from mssegment.inputs.files import read_file
 
 Variables = Mapping[str, Any]
 """The content of a file by name: variables, arrays, columns or tables."""
@@ -47,17 +50,9 @@ class InputFile:
     def opened(cls, path: Path | str) -> InputFile:
         """Read a file, or the part ``#PART`` of it; raises DataError if it cannot be read."""
         name, member = str(path), ""
-        if not Path(name).exists() and "#" in name:
+        if "#" in name and not os.path.exists(name):
             name, _, member = name.rpartition("#")
-        try:
-            content = Path(name).read_bytes()
-        except FileNotFoundError:
-            raise DataError(f"{name}: no such file; check the name") from None
-        except IsADirectoryError:
-            raise DataError(f"{name}: this is a folder; expected a file of tracks") from None
-        except OSError as error:
-            raise DataError(f"{name}: cannot be read ({error.strerror})") from None
-        return cls(name, content, member)
+        return cls(name, read_file(name, expected="a file of tracks"), member)
 
     @property
     def path(self) -> Path:
@@ -72,7 +67,12 @@ class InputFile:
     @cached_property
     def variables(self) -> Variables:
         """The content by name; raises DataError if it cannot be read."""
-        return CONTAINERS[self.container](self)
+        try:
+            return CONTAINERS[self.container](self)
+        except MemoryError:
+            raise DataError(
+                f"{self.name}: there is not enough memory to read it; give fewer tracks or frames"
+            ) from None
 
 
 def container_of(name: str, content: bytes) -> str:
@@ -162,6 +162,7 @@ def _xml(file: InputFile) -> Variables:
 
 
 def _json(file: InputFile) -> Variables:
+    limits.check("text_bytes", len(file.content), file.name)
     try:
         found = _parsed(file.content.decode("utf-8-sig"))
     except (UnicodeDecodeError, ValueError, RecursionError) as error:

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import io
 from typing import Any
 
 import numpy as np
 
+from mssegment.datasets.foreign import read_variables
 from mssegment.errors import DataError
 
 
@@ -32,24 +32,25 @@ def load_hdf5(content: bytes, name: str, transposed: bool = False) -> dict[str, 
     DataError
         If h5py is not installed, or the file is damaged.
     """
-    try:
-        import h5py
-    except ImportError:
+    import importlib.util
+
+    if importlib.util.find_spec("h5py") is None:
         raise DataError(
             f"{name}: an HDF5 file{' of Matlab 7.3' if transposed else ''}; it is read where h5py "
             f"is installed: pip install 'mssegment[hdf5]'"
             + ("; or save it with -v7" if transposed else "")
-        ) from None
+        )
+    found = read_variables(content, name, "hdf5")
+    return _transposed(found) if transposed else found
 
-    def value(node: Any) -> Any:
-        if isinstance(node, h5py.Group):
-            return {key: value(child) for key, child in node.items() if not key.startswith("#")}
-        array = np.asarray(node[()])
-        return array.T if transposed else array
 
-    try:
-        with h5py.File(io.BytesIO(content), "r") as file:
-            return dict(value(file))
-    except (OSError, RuntimeError, ValueError, KeyError) as error:
-        reason = " ".join(str(error).split())
-        raise DataError(f"{name}: a damaged HDF5 file ({reason}); copy it again") from None
+def _transposed(variables: dict[str, Any]) -> dict[str, Any]:
+    """The variables with the axes of each array reversed."""
+    return {
+        key: _transposed(value)
+        if isinstance(value, dict)
+        else value.T
+        if isinstance(value, np.ndarray)
+        else value
+        for key, value in variables.items()
+    }

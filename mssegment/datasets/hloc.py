@@ -12,6 +12,7 @@ from mssegment.datasets.containers import InputFile, Variables
 from mssegment.datasets.hdf5 import load_hdf5
 from mssegment.datasets.keypoints import matched, pairs_of
 from mssegment.errors import DataError
+from mssegment.inputs.files import read_file
 from mssegment.records import Floats
 
 
@@ -59,7 +60,7 @@ def _keypoints(image: str, file: InputFile) -> Floats:
         for path in file.path.resolve().parent.glob(pattern)
         if path != file.path.resolve()
     )
-    for content in (file.variables, *(load_hdf5(p.read_bytes(), str(p)) for p in others)):
+    for content in (file.variables, *(load_hdf5(read_file(str(p)), str(p)) for p in others)):
         found = _find(content, image)
         if found is not None:
             return np.asarray(found, dtype=np.float64)[:, :2]

@@ -77,9 +77,14 @@ def matched(points: Floats, pairs: Integers, file: InputFile, note: str = "") ->
 
 def pairs_of(matches: Any, first: int, second: int, where: str) -> Integers:
     """Matches as pairs of indices [M, 2]; raises DataError if they do not fit the keypoints."""
-    values = np.squeeze(np.asarray(matches))
+    try:
+        values = np.squeeze(np.asarray(matches))
+    except ValueError:  # rows of several lengths
+        raise DataError(f"{where}: expected indices of keypoints") from None
     if values.dtype.kind not in "iuf" or (values.size and not (values == np.round(values)).all()):
         raise DataError(f"{where}: expected indices of keypoints")
+    if values.size and np.abs(values).max() >= 2**31:
+        raise DataError(f"{where}: holds {np.abs(values).max()}; expected indices of keypoints")
     values = values.astype(np.int64)
     if values.ndim == 2 and 2 in values.shape:
         pairs = values if values.shape[1] == 2 else values.T
@@ -103,7 +108,7 @@ def _names(content: Variables) -> tuple[str, str] | None:
 def _places(array: Any, where: str) -> Floats:
     try:
         values = np.asarray(array, dtype=np.float64)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         raise DataError(f"{where}: expected numbers") from None
     if values.ndim == 3 and len(values) == 1:
         values = values[0]

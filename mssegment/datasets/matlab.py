@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 import struct
 import zlib
 from typing import Any
@@ -10,8 +9,12 @@ from typing import Any
 import numpy as np
 
 from mssegment.datasets.containers import InputFile, Variables
+from mssegment.datasets.foreign import read_variables
 from mssegment.errors import DataError
+from mssegment.inputs import limits
 from mssegment.records import Floats
+
+_PIECE = 1 << 20
 
 
 def load_matlab(file: InputFile) -> Variables:
@@ -23,17 +26,8 @@ def load_matlab(file: InputFile) -> Variables:
         from mssegment.datasets.hdf5 import load_hdf5
 
         return _with_fields(load_hdf5(file.content, file.name, transposed=True))
-    import scipy.io  # slow to import, and most commands read no Matlab file
-
-    try:
-        _check_checksums(file.content)
-        content: dict[str, Any] = scipy.io.loadmat(io.BytesIO(file.content))
-    except Exception as error:  # scipy's parser raises many types of error
-        raise DataError(
-            f"{file.name}: not a readable Matlab file ({type(error).__name__}: {error}); "
-            "expected the .mat file as published"
-        ) from error
-    return _with_fields({k: v for k, v in content.items() if not k.startswith("__")})
+    _check_unpacked(file.content, file.name)
+    return _with_fields(read_variables(file.content, file.name, "mat"))
 
 
 def _with_fields(variables: dict[str, Any]) -> dict[str, Any]:
@@ -46,25 +40,35 @@ def _with_fields(variables: dict[str, Any]) -> dict[str, Any]:
 
 def fields_of(value: Any) -> dict[str, Any]:
     """The fields of a struct of one element; empty for anything else."""
-    if isinstance(value, dict):
-        return value
-    if not isinstance(value, np.ndarray) or value.dtype.names is None or value.size != 1:
-        return {}
-    record = value.ravel()[0]
-    return {name: record[name] for name in value.dtype.names}
+    return value if isinstance(value, dict) else {}
 
 
-def _check_checksums(raw: bytes) -> None:
-    """Decompress every compressed element: scipy's parser crashes the process on damaged ones."""
+def _check_unpacked(raw: bytes, name: str) -> None:
+    """Raises DataError if the compressed elements hold more than ``limits.unpacked_bytes``."""
     if raw[126:128] not in (b"IM", b"MI"):
         return
     order = "<" if raw[126:128] == b"IM" else ">"
-    start, compressed = 128, 15
+    start, compressed, left = 128, 15, limits.limit("unpacked_bytes")
     while start + 8 <= len(raw):
         kind, size = struct.unpack_from(order + "II", raw, start)
         if kind == compressed:
-            zlib.decompress(raw[start + 8 : start + 8 + size])
+            left -= _unpacked_size(raw[start + 8 : start + 8 + size], left, name)
         start += 8 + size
+
+
+def _unpacked_size(packed: bytes, most: int, name: str) -> int:
+    """The size of a compressed element; raises DataError above ``most``, or if it is damaged."""
+    unpacker = zlib.decompressobj()
+    size = 0
+    try:
+        while packed:
+            size += len(unpacker.decompress(packed, _PIECE))
+            if size > most:
+                raise DataError(limits.exceeded("unpacked_bytes", None, name))
+            packed = unpacker.unconsumed_tail
+    except zlib.error as error:
+        raise DataError(f"{name}: a damaged Matlab file ({error}); copy it again") from None
+    return size
 
 
 def numbers(variables: Variables, name: str, path: str, shape: tuple[int | None, ...]) -> Floats:
@@ -78,7 +82,7 @@ def numbers(variables: Variables, name: str, path: str, shape: tuple[int | None,
         raise DataError(f"{path}: no variable '{name}'; the variables in the file are: {known}")
     try:
         values = np.asarray(variables[name], dtype=np.float64)
-    except (TypeError, ValueError) as error:
+    except (TypeError, ValueError, OverflowError) as error:
         raise DataError(f"{path}: variable '{name}' is not numeric; expected numbers") from error
     right = values.ndim == len(shape) and all(
         wanted is None or wanted == got for wanted, got in zip(shape, values.shape, strict=True)

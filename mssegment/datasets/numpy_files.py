@@ -11,6 +11,14 @@ import numpy as np
 
 from mssegment.datasets.containers import InputFile
 from mssegment.errors import DataError
+from mssegment.inputs.numpy_headers import check_arrays
+
+_DAMAGED = (
+    *(OSError, ValueError, EOFError, KeyError, TypeError, AttributeError, SyntaxError),
+    *(NotImplementedError, RuntimeError, OverflowError, MemoryError, RecursionError),
+    *(zipfile.BadZipFile, zlib.error),
+)
+"""What numpy and zipfile raise on damaged files: the header of an array is a Python literal."""
 
 
 def load_numpy(file: InputFile) -> dict[str, Any]:
@@ -21,12 +29,13 @@ def load_numpy(file: InputFile) -> dict[str, Any]:
     """
     if file.content[:2] == b"PK":
         _check_archive(file)
+    check_arrays(file.content, file.name, DataError)
     try:
         found = np.load(io.BytesIO(file.content), allow_pickle=False)
         if isinstance(found, np.ndarray):
             return {"": found}
         return {name: _array(found, name, file) for name in found.files}
-    except (OSError, ValueError, EOFError, KeyError, zipfile.BadZipFile, zlib.error) as error:
+    except _DAMAGED as error:
         if "pickle" in str(error).lower():
             raise _pickled(file, "") from None
         reason = " ".join(str(error).split())

@@ -14,6 +14,7 @@ from mssegment.datasets.base import (
     check_points,
     frames_inside,
     size_that_holds,
+    unseen,
 )
 from mssegment.datasets.columns import LABEL, Sightings, first_of, sightings_of
 from mssegment.datasets.containers import InputFile, Variables
@@ -66,7 +67,7 @@ def read_sightings(table: Table, file: InputFile) -> ImportedTracks:
     ids, row = _numbered(track)
     names, column = _numbered(frame)
     _check_unique(row, column, ids, names, file.name)
-    points = np.full((len(ids), len(names), 2), np.nan)
+    points = unseen(len(ids), len(names), file.name)
     points[row, column] = np.stack([x, y], axis=1)
     points[np.isnan(points).any(axis=-1)] = np.nan
     if len(points):

@@ -11,6 +11,7 @@ from itertools import islice
 import numpy as np
 
 from mssegment.errors import DataError
+from mssegment.inputs import limits
 from mssegment.records import Floats
 
 STACKED = "|"
@@ -133,6 +134,7 @@ def text_of(content: bytes, name: str) -> str:
 
     Raises DataError if the content is binary.
     """
+    limits.check("text_bytes", len(content), name)
     for mark, encoding in _BYTE_ORDER_MARKS.items():
         if content.startswith(mark):
             return _decoded(content, encoding, name)
@@ -179,8 +181,13 @@ def read_table(content: bytes, name: str) -> Table:
         If the file is empty, is no table, or a row has another number of fields.
     """
     text = text_of(content, name)
-    separator, lines, comment = _lines_of(text)
-    rows = list(_rows(lines, separator))
+    try:
+        separator, lines, comment = _lines_of(text)
+        rows = list(_rows(lines, separator))
+    except csv.Error as error:
+        raise DataError(
+            f"{name}: not a table ({error}); expected one with lines such as x1,y1,x2,y2"
+        ) from None
     if not rows:
         raise DataError(f"{name}: empty; expected a table of tracks, such as x1,y1,x2,y2")
     if comment is not None and _is_data(rows[0][1]):

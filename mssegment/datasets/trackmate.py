@@ -20,7 +20,7 @@ def load_xml(file: InputFile) -> Variables:
     try:
         # the declaration may name the encoding that was decoded already
         return {"root": ElementTree.fromstring(text.partition("?>")[2].strip() or text)}
-    except ElementTree.ParseError as error:
+    except (ElementTree.ParseError, ValueError) as error:
         raise DataError(f"{file.name}: not XML ({error}); expected tracks") from None
 
 

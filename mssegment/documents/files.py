@@ -8,6 +8,7 @@ import sys
 from pathlib import Path
 
 from mssegment.errors import DataError, UsageError
+from mssegment.inputs.files import read_file, read_standard
 
 STANDARD = "-"
 
@@ -15,20 +16,11 @@ STANDARD = "-"
 def read_bytes(path: str) -> bytes:
     """Read the bytes of a file, or of standard input if ``path`` is ``-``.
 
-    Raises DataError if the file does not exist, is a folder, is empty, or cannot be read.
+    Raises DataError if the file does not exist, is a folder or a device, is empty, is larger than
+    ``limits.file_bytes``, or cannot be read.
     """
-    if path == STANDARD:
-        content, name = sys.stdin.buffer.read(), "standard input"
-    else:
-        name = path
-        try:
-            content = Path(path).read_bytes()
-        except FileNotFoundError:
-            raise DataError(f"{path}: no such file; check the name") from None
-        except IsADirectoryError:
-            raise DataError(f"{path}: this is a folder; expected a file") from None
-        except OSError as error:
-            raise DataError(f"{path}: cannot be read ({error.strerror})") from None
+    name = "standard input" if path == STANDARD else path
+    content = read_standard() if path == STANDARD else read_file(path)
     if not content.strip():
         hint = "; did the previous stage fail?" if path == STANDARD else ""
         raise DataError(f"{name}: empty; expected a document{hint}")

@@ -314,7 +314,7 @@ def is_moving(path: str) -> bool:
             head = file.read(512)
             is_picture = not head or pictures.looks_like_picture(path, head)
             if is_picture:
-                return head.startswith(_MAY_BE_STACKS) and is_stack(head + file.read())
+                return head.startswith(_MAY_BE_STACKS) and is_stack(pictures.read_bytes(path))
     except OSError:
         return False  # reading it raises the error
     if _is_text(head):

@@ -15,6 +15,8 @@ import numpy as np
 import numpy.typing as npt
 
 from mssegment.errors import DataError
+from mssegment.imaging.headers import check_size
+from mssegment.inputs.files import check_kind, read_file
 
 GreyPicture = npt.NDArray[np.float32]
 """Grey values [height, width], 0 (black) to 255 (white) whatever the bit depth of the file."""
@@ -29,6 +31,9 @@ PICTURE_SUFFIXES = frozenset(
 )
 """Files in a folder with one of these suffixes are taken as pictures."""
 
+_MISSING = "no such file; check the path"
+_NO_MEMORY = -4
+"""OpenCV's code of an allocation that failed (``cv::Error::StsNoMem``)."""
 _STDERR = threading.RLock()
 
 
@@ -58,12 +63,7 @@ def quiet() -> Iterator[None]:
 
 def read_bytes(path: str) -> bytes:
     """The content of a file; raises DataError if it is missing, unreadable or empty."""
-    try:
-        content = Path(path).read_bytes()
-    except FileNotFoundError:
-        raise DataError(f"{path}: no such file; check the path") from None
-    except OSError as failure:
-        raise DataError(f"{path}: cannot be read ({failure.strerror}); check the path") from None
+    content = read_file(path, expected="a picture or a video", missing=_MISSING, may_be_pipe=False)
     if not content:
         raise DataError(
             f"{path}: the file is empty (0 bytes), expected a picture or a video; "
@@ -74,12 +74,11 @@ def read_bytes(path: str) -> bytes:
 
 def sha256(path: str) -> str:
     """SHA-256 of a file in hexadecimal; raises DataError if it is missing or unreadable."""
+    check_kind(path, expected="a picture or a video", missing=_MISSING)
     try:
         with Path(path).open("rb") as file:
             # in pieces: a video may not fit into memory
             return hashlib.file_digest(file, "sha256").hexdigest()
-    except FileNotFoundError:
-        raise DataError(f"{path}: no such file; check the path") from None
     except OSError as failure:
         raise DataError(f"{path}: cannot be read ({failure.strerror}); check the path") from None
 
@@ -110,9 +109,10 @@ def decode(path: str, content: bytes) -> StoredPicture:
     Raises
     ------
     DataError
-        If the content is no picture, is truncated, or has pixels of another kind than 8 bits, 16
-        bits or numbers with a fraction.
+        If the content is no picture, is truncated, is larger than ``limits.picture_pixels``, or
+        has pixels of another kind than 8 bits, 16 bits or numbers with a fraction.
     """
+    check_size(path, content)
     if not _has_end(content):
         raise DataError(f"{path}: the picture is cut short or damaged; copy or export it again")
     jpeg = content.startswith(b"\xff\xd8")
@@ -120,7 +120,8 @@ def decode(path: str, content: bytes) -> StoredPicture:
     try:
         with quiet():
             picture = cv2.imdecode(np.frombuffer(content, np.uint8), flags)
-    except cv2.error:
+    except (cv2.error, MemoryError) as failure:
+        check_memory(failure, path)
         picture = None
     if picture is None or picture.size == 0:
         fault = "cut short or damaged" if looks_like_picture(path, content[:8]) else "not a picture"
@@ -135,6 +136,14 @@ def decode(path: str, content: bytes) -> StoredPicture:
 
     turned = orientation(content)
     return found if turned == 1 else upright(found, turned)
+
+
+def check_memory(failure: Exception, path: str) -> None:
+    """Raises DataError if a decoder failed for lack of memory: the file may be whole."""
+    if isinstance(failure, MemoryError) or getattr(failure, "code", 0) == _NO_MEMORY:
+        raise DataError(
+            f"{path}: there is not enough memory to decode it; use smaller pictures"
+        ) from None
 
 
 def check_depth(picture: StoredPicture, path: str) -> StoredPicture:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import struct
 from collections.abc import Iterator
 from itertools import islice
 
@@ -10,23 +9,29 @@ import cv2
 import numpy as np
 
 from mssegment.errors import DataError
-from mssegment.imaging.pictures import StoredPicture, check_depth, quiet, read_bytes
+from mssegment.imaging.headers import check_size, check_stack, tiff_tags
+from mssegment.imaging.pictures import StoredPicture, check_depth, check_memory, quiet, read_bytes
 
 _REDUCED = 254
 """The TIFF tag that marks a reduced copy of another page."""
-_MOST_PAGES = 100_000
 
 
 def is_stack(content: bytes) -> bool:
     """Whether the bytes of a picture file hold more than one picture of a sequence."""
+    return count_pictures(content) > 1
+
+
+def count_pictures(content: bytes) -> int:
+    """The number of pictures of a sequence in a picture file, at least as many as it holds."""
     if content[:4] in (b"II*\0", b"MM\0*"):
-        return len(tiff_pages(content)) > 1
+        return len(tiff_pages(content))
     if content.startswith(b"\x89PNG"):
         # the chunk of an animation stands before the first one with pixels
-        return 0 < content.find(b"acTL") < max(content.find(b"IDAT"), 0)
+        is_animated = 0 < content.find(b"acTL") < max(content.find(b"IDAT"), 0)
+        return max(content.count(b"fcTL"), 2) if is_animated else 1
     if content[:4] == b"RIFF" and content[8:12] == b"WEBP":
-        return b"ANIM" in content[12:64] and content.count(b"ANMF") > 1
-    return content.startswith(b"GIF8") and _gif_frames(content) > 1
+        return content.count(b"ANMF") if b"ANIM" in content[12:64] else 1
+    return _gif_frames(content) if content.startswith(b"GIF8") else 1
 
 
 class Stack:
@@ -69,6 +74,8 @@ class Stack:
     def _decoded(self) -> list[StoredPicture]:
         if self._pictures is None:
             content = read_bytes(self.path)
+            check_size(self.path, content)
+            check_stack(self.path, content, count_pictures(content))
             is_tiff = content[:4] in (b"II*\0", b"MM\0*")
             self._pictures = self._pages(content) if is_tiff else self._animation(content)
         return self._pictures
@@ -79,7 +86,8 @@ class Stack:
                 good, pages = cv2.imdecodemulti(
                     np.frombuffer(content, np.uint8), cv2.IMREAD_UNCHANGED
                 )
-        except cv2.error:
+        except (cv2.error, MemoryError) as failure:
+            check_memory(failure, self.path)
             good, pages = False, ()
         wanted = tiff_pages(content)
         if not good or len(pages) <= wanted[-1]:
@@ -95,7 +103,8 @@ class Stack:
         try:
             with quiet():
                 good, found = cv2.imdecodeanimation(np.frombuffer(content, np.uint8))
-        except cv2.error:
+        except (cv2.error, MemoryError) as failure:
+            check_memory(failure, self.path)
             good = False
         if not good or not found.frames:
             raise DataError(f"{self.path}: a damaged animation; copy or export it again")
@@ -116,35 +125,21 @@ def tiff_pages(content: bytes) -> list[int]:
 
     Pages of another size than the first (overviews, thumbnails) are no frames of its sequence.
     """
-    order = "<" if content[:2] == b"II" else ">"
-    pages: list[tuple[int, tuple[int, int]]] = []
-    try:
-        (start,) = struct.unpack_from(order + "I", content, 4)
-        for index in range(_MOST_PAGES):
-            if not start:
-                break
-            (count,) = struct.unpack_from(order + "H", content, start)
-            tags = {}
-            for i in range(count):
-                place = start + 2 + 12 * i
-                tag, kind = struct.unpack_from(order + "HH", content, place)
-                form = "H" if kind == 3 else "I"
-                (tags[tag],) = struct.unpack_from(order + form, content, place + 8)
-            if not tags.get(_REDUCED, 0) & 1:
-                pages.append((index, (tags.get(256, 0), tags.get(257, 0))))
-            (start,) = struct.unpack_from(order + "I", content, start + 2 + 12 * count)
-    except struct.error:
-        pass  # the decoder names what is damaged
+    pages = [
+        (index, (tags.get(256, 0), tags.get(257, 0)))
+        for index, tags in enumerate(tiff_tags(content))
+        if not tags.get(_REDUCED, 0) & 1
+    ]
     return [index for index, size in pages if size == pages[0][1]] or [0]
 
 
 def _gif_frames(content: bytes) -> int:
-    """The number of pictures in a GIF, at most 2."""
+    """The number of pictures in a GIF."""
     try:
         flags = content[10]
         place = 13 + (3 << ((flags & 7) + 1) if flags & 0x80 else 0)
         frames = 0
-        while frames < 2:
+        while True:
             block = content[place]
             if block == 0x2C:
                 frames += 1

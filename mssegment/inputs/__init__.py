@@ -1,0 +1,1 @@
+"""Reading what others wrote: bounded in size, from plain files, and fit to be shown."""

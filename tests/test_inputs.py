@@ -1,0 +1,141 @@
+"""Reading what others wrote: plain files and pipes, limits, YAML, text that is fit to be shown."""
+
+from __future__ import annotations
+
+import os
+import socket
+import subprocess
+import threading
+import unicodedata
+from pathlib import Path
+
+import pytest
+import yaml
+from hypothesis import given
+from hypothesis import strategies as st
+
+from mssegment.configuration import KEYS, from_text
+from mssegment.errors import ConfigurationError, DataError
+from mssegment.inputs import limits
+from mssegment.inputs.files import check_kind, read_file
+from mssegment.inputs.text import printable, printable_lines
+from mssegment.inputs.yaml_nodes import check_nodes
+
+
+def test_a_plain_file_is_read_whole(tmp_path: Path) -> None:
+    (tmp_path / "file").write_bytes(b"\0\r\n\xff" * 300_000)
+    assert read_file(str(tmp_path / "file")) == b"\0\r\n\xff" * 300_000
+
+
+@pytest.mark.parametrize(
+    ("name", "word"),
+    [("absent", "no such file"), (".", "folder"), ("a\0b", "not a possible"), ("x" * 5000, "long")],
+)
+def test_what_is_no_file_is_said(tmp_path: Path, name: str, word: str) -> None:
+    with pytest.raises(DataError, match=word):
+        read_file(str(tmp_path / name) if name != "a\0b" else name)
+
+
+def test_devices_and_sockets_are_refused(tmp_path: Path) -> None:
+    with pytest.raises(DataError, match="a device"):
+        read_file("/dev/zero")
+    with socket.socket(socket.AF_UNIX) as own:
+        own.bind(str(tmp_path / "s"))
+        with pytest.raises(DataError, match="pipe or socket"):
+            read_file(str(tmp_path / "s"))
+
+
+def test_a_pipe_is_read_to_its_end(tmp_path: Path) -> None:
+    pipe = tmp_path / "pipe"
+    os.mkfifo(pipe)
+    content = b"x" * 300_000
+    writer = threading.Thread(target=lambda: pipe.write_bytes(content))
+    writer.start()
+    assert read_file(str(pipe)) == content
+    writer.join()
+    with pytest.raises(DataError, match="pipe"):
+        check_kind(str(pipe))
+
+
+def test_a_pipe_waits_for_a_slow_program() -> None:
+    slow = subprocess.Popen(["sh", "-c", "sleep 0.3; echo late"], stdout=subprocess.PIPE)
+    assert slow.stdout is not None
+    assert read_file(f"/dev/fd/{slow.stdout.fileno()}") == b"late\n"
+    slow.wait()
+
+
+def test_a_pipe_without_a_program_is_said(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("mssegment.inputs.files._PATIENCE", 0.1)
+    os.mkfifo(tmp_path / "pipe")
+    with pytest.raises(DataError, match="no program writes into this pipe"):
+        read_file(str(tmp_path / "pipe"))
+
+
+def test_every_limit_can_be_raised(monkeypatch: pytest.MonkeyPatch) -> None:
+    for name, own in limits.LIMITS.items():
+        assert f"limits.{name}" in KEYS
+        assert KEYS[f"limits.{name}"].default == own.default == limits.limit(name)
+        with pytest.raises(DataError, match=limits.variable_of(name)) as caught:
+            limits.check(name, own.default + 1, "it")
+        assert f"{own.default:,}" in str(caught.value)
+        limits.check(name, own.default, "it")
+        with limits.using({name: own.default + 1}):
+            limits.check(name, own.default + 1, "it")
+        monkeypatch.setenv(limits.variable_of(name), str(own.default + 1))
+        limits.check(name, own.default + 1, "it")
+
+
+def test_a_file_above_the_limit_is_not_read(tmp_path: Path) -> None:
+    (tmp_path / "file").write_bytes(b"123456")
+    with limits.using({"file_bytes": 5}), pytest.raises(DataError, match=r"6 bytes.*limit of 5"):
+        read_file(str(tmp_path / "file"))
+
+
+def laughs(levels: int, each: int) -> str:
+    """Aliases that expand to ``each ** levels`` values."""
+    lines = ["a0: &a0 [x]"]
+    for level in range(1, levels + 1):
+        inside = ", ".join([f"*a{level - 1}"] * each)
+        lines.append(f"a{level}: &a{level} [{inside}]")
+    return "\n".join(lines)
+
+
+@pytest.mark.parametrize("levels", [6, 9, 200])
+def test_aliases_are_counted_as_what_they_expand_to(levels: int) -> None:
+    node = yaml.compose(laughs(levels, 9), Loader=yaml.SafeLoader)
+    with pytest.raises(ConfigurationError, match="values, more than the limit"):
+        check_nodes(node, "it", ConfigurationError)
+
+
+def test_few_aliases_are_read() -> None:
+    check_nodes(yaml.compose(laughs(3, 9), Loader=yaml.SafeLoader), "it", ConfigurationError)
+    assert from_text(["report.labels=[&a x, *a]"])[0].value == ["x", "x"]
+
+
+@pytest.mark.parametrize("text", ["&a [*a]", "&a {k: *a}", "&a {k: [1, &b [*a, *b]]}"])
+def test_an_alias_of_itself_is_said(text: str) -> None:
+    with pytest.raises(ConfigurationError, match="contains itself"):
+        from_text([f"report.labels={text}"])
+
+
+@given(st.text())
+def test_printable_text_has_nothing_that_a_terminal_obeys(text: str) -> None:
+    hidden = {"Cc", "Cf", "Cs", "Zl", "Zp"}
+    assert not {unicodedata.category(letter) for letter in printable(text)} & hidden
+    lines = printable_lines(text)
+    assert not {unicodedata.category(letter) for letter in lines if letter not in "\n\t"} & hidden
+    assert lines.count("\n") == text.count("\n")
+
+
+@given(st.text(alphabet="ab ", max_size=60), st.integers(6, 40))
+def test_long_text_keeps_its_beginning_and_its_end(text: str, longest: int) -> None:
+    cut = printable(text, longest)
+    assert len(cut) <= longest
+    if len(text) > longest:
+        start, _, end = cut.partition("...")
+        assert text.startswith(start)
+        assert text.endswith(end)
+        assert start
+        assert end
+    else:
+        assert cut == text
