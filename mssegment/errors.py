@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 from enum import IntEnum
 
 
@@ -15,6 +16,7 @@ class ExitStatus(IntEnum):
     DATA = 4
     INTERRUPTED = 130
     CLOSED_PIPE = 141
+    TERMINATED = 143
 
 
 class MssegmentError(Exception):
@@ -30,6 +32,17 @@ class UsageError(MssegmentError):
     """A command or function was called with invalid arguments, or its output cannot be written."""
 
     status = ExitStatus.USAGE
+
+
+class OutputError(UsageError):
+    """A file or folder cannot be written."""
+
+    @classmethod
+    def of(cls, path: str, error: OSError) -> OutputError:
+        """The error for a path, with advice; the message is the same wherever it is raised."""
+        is_full = error.errno in (errno.ENOSPC, getattr(errno, "EDQUOT", errno.ENOSPC))
+        advice = "make room, or choose another path" if is_full else "choose another path"
+        return cls(f"{path}: cannot be written ({error.strerror}); {advice}")
 
 
 class ConfigurationError(MssegmentError):

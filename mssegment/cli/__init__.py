@@ -15,6 +15,7 @@ from collections.abc import Sequence
 
 import click
 
+from mssegment.cli.signals import Signals, Stopped
 from mssegment.errors import ExitStatus, MssegmentError
 from mssegment.inputs.text import printable
 from mssegment.version import __version__
@@ -26,6 +27,7 @@ for _name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
 
 COMMANDS: dict[str, str] = {
     "run": "Run all stages and write the results to a folder.",
+    "batch": "Run all stages on many pairs, clips or files of tracks.",
     "detect": "Detect Harris corners in images or a video.",
     "match": "Match corners between two views, or track them through a sequence.",
     "hypothesize": "Generate motion hypotheses from the tracks.",
@@ -110,18 +112,27 @@ def cli() -> None:
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run the command line and exit with its status; by default with ``sys.argv``."""
     arguments = list(sys.argv[1:] if arguments is None else arguments)
-    status = invoke(arguments)
+    signals = Signals()
+    status = 0
+    try:
+        signals.install()
+        status = invoke(arguments, signals)
+        signals.remove()
+    except Stopped as stopped:  # between the command and here
+        status = stopped.status
     gc.freeze()  # skips the garbage collection at exit
     sys.exit(status)
 
 
-def invoke(arguments: list[str]) -> int:
+def invoke(arguments: list[str], signals: Signals | None = None) -> int:
     """Run one command line and return its exit status; an error prints one line on stderr.
 
     Parameters
     ----------
     arguments : list of str
         The arguments after the name of the program.
+    signals : Signals, optional
+        The handlers of signals, if they are installed.
 
     Returns
     -------
@@ -139,8 +150,8 @@ def invoke(arguments: list[str]) -> int:
         # the interpreter flushes stdout again at exit, which must not fail
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return ExitStatus.CLOSED_PIPE
-    except (KeyboardInterrupt, click.Abort):
-        return _fail("interrupted", ExitStatus.INTERRUPTED)
+    except (KeyboardInterrupt, click.Abort) as error:
+        return _stopped(error)
     except click.exceptions.NoArgsIsHelpError as error:
         error.show()  # prints the help
         return ExitStatus.USAGE
@@ -151,6 +162,8 @@ def invoke(arguments: list[str]) -> int:
             _print_traceback()
         return _fail(str(error), error.status)
     except Exception as error:
+        if signals is not None and signals.stopped is not None:
+            return _stopped(signals.stopped)  # an import that is interrupted may raise anything
         if debug:
             _print_traceback()
             return ExitStatus.UNFORESEEN
@@ -159,7 +172,14 @@ def invoke(arguments: list[str]) -> int:
     return status if isinstance(status, int) else ExitStatus.DONE
 
 
-def _fail(message: str, status: ExitStatus) -> int:
+def _stopped(error: BaseException) -> int:
+    stopped = error.__cause__ if isinstance(error, click.Abort) else error
+    if isinstance(stopped, Stopped):
+        return _fail(stopped.word, stopped.status)
+    return _fail("interrupted", ExitStatus.INTERRUPTED)
+
+
+def _fail(message: str, status: int) -> int:
     line = printable(" ".join(message.split()), LONGEST_ERROR)
     with contextlib.suppress(OSError, ValueError, AttributeError):  # stderr may be closed
         print(f"mssegment: {line}", file=sys.stderr)

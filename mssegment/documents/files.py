@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import errno
 import os
 import sys
 from pathlib import Path
 
-from mssegment.errors import DataError, UsageError
+from mssegment.errors import DataError, OutputError, UsageError
 from mssegment.inputs.files import read_file, read_standard
 
 STANDARD = "-"
@@ -56,7 +55,7 @@ def write_bytes(path: str, content: bytes) -> None:
     try:
         file = temporary.open("xb")
     except OSError as error:
-        raise _cannot_write(path, error) from None
+        raise OutputError.of(path, error) from None
     try:
         with file:
             file.write(content)
@@ -65,7 +64,7 @@ def write_bytes(path: str, content: bytes) -> None:
         os.replace(temporary, target)
     except OSError as error:
         temporary.unlink(missing_ok=True)
-        raise _cannot_write(path, error) from None
+        raise OutputError.of(path, error) from None
     except BaseException:
         temporary.unlink(missing_ok=True)
         raise
@@ -80,7 +79,7 @@ def _write_standard(content: bytes) -> None:
     except OSError as error:
         # flushing the rest of the buffer would fail again when the interpreter exits
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        raise _cannot_write("standard output", error) from None
+        raise OutputError.of("standard output", error) from None
 
 
 def _write_into(path: str, content: bytes) -> None:
@@ -90,10 +89,4 @@ def _write_into(path: str, content: bytes) -> None:
     except BrokenPipeError:
         raise
     except OSError as error:
-        raise _cannot_write(path, error) from None
-
-
-def _cannot_write(path: str, error: OSError) -> UsageError:
-    is_full = error.errno in (errno.ENOSPC, getattr(errno, "EDQUOT", errno.ENOSPC))
-    advice = "make room, or choose another path" if is_full else "choose another path"
-    return UsageError(f"{path}: cannot be written ({error.strerror}); {advice}")
+        raise OutputError.of(path, error) from None

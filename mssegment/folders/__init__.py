@@ -13,7 +13,6 @@ after a kill the next process moves the rest.
 
 from __future__ import annotations
 
-import errno
 import os
 import shutil
 import stat
@@ -21,12 +20,12 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from mssegment.errors import UsageError
+from mssegment.errors import OutputError, UsageError
 from mssegment.folders.lock import LOCK, FolderLock
 from mssegment.folders.replacing import Replacing
 from mssegment.records import State, field
 
-__all__ = ["ResultFolder", "result_folder", "sweep"]
+__all__ = ["ResultFolder", "folder_lock", "result_folder", "sweep"]
 
 HIDDEN = ".mssegment"
 """Ending of the hidden folder beside the results, or its name where it lies among them."""
@@ -81,8 +80,10 @@ def result_folder(
     Raises
     ------
     UsageError
-        If ``out`` is a file, is not empty and ``replace`` is not set, cannot be written, or is
-        being written by another process.
+        If ``out`` is a file, is not empty and ``replace`` is not set, or is being written by
+        another process.
+    OutputError
+        If it cannot be written.
     """
     target, work = _places(out)
     created = _create_parents(work.parent, out)
@@ -91,6 +92,25 @@ def result_folder(
             yield from _write(target, work, out, replace, key)
     finally:
         for parent in created:  # a folder with something in it stays
+            with suppress(OSError):
+                parent.rmdir()
+
+
+@contextmanager
+def folder_lock(out: str) -> Iterator[None]:
+    """Hold the folder ``out``, which need not exist yet, against other processes.
+
+    Raises UsageError if another process holds it, OutputError if its parent cannot be written.
+    """
+    target, work = _places(out)
+    created = _create_parents(work.parent, out)
+    try:
+        with _locked(work, out, 0.0):
+            Replacing(target, work / NEW).settle()
+            _clear(work)
+            yield
+    finally:
+        for parent in created:
             with suppress(OSError):
                 parent.rmdir()
 
@@ -166,7 +186,7 @@ def _places(out: str) -> tuple[Path, Path]:
     except FileNotFoundError:
         is_folder = False
     except OSError as error:
-        raise _cannot_write(out, error) from None
+        raise OutputError.of(out, error) from None
     else:
         is_folder = stat.S_ISDIR(status.st_mode)
         if not is_folder:
@@ -182,7 +202,7 @@ def _create_parents(folder: Path, out: str) -> list[Path]:
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise _cannot_write(out, error) from None
+        raise OutputError.of(out, error) from None
     return new
 
 
@@ -193,7 +213,7 @@ def _locked(work: Path, out: str, wait: float) -> Iterator[None]:
     except OSError as error:
         with suppress(OSError):
             work.rmdir()
-        raise _cannot_write(out, error) from None
+        raise OutputError.of(out, error) from None
     try:
         yield
     finally:
@@ -208,11 +228,11 @@ def _errors_name(out: str, new: Path) -> Iterator[None]:
     except UsageError as error:
         if str(new) not in str(error):
             raise
-        raise UsageError(str(error).replace(str(new), out)) from None
+        raise type(error)(str(error).replace(str(new), out)) from None
     except OSError as error:
         if not str(error.filename).startswith(str(new.parent)):
             raise
-        raise _cannot_write(out, error) from None
+        raise OutputError.of(out, error) from None
 
 
 def _clear(work: Path) -> None:
@@ -222,9 +242,3 @@ def _clear(work: Path) -> None:
             shutil.rmtree(entry.path)
         elif entry.name != LOCK:
             os.unlink(entry.path)
-
-
-def _cannot_write(out: str, error: OSError) -> UsageError:
-    full = error.errno in (errno.ENOSPC, getattr(errno, "EDQUOT", errno.ENOSPC))
-    advice = "make room, or choose another folder" if full else "choose another folder"
-    return UsageError(f"{out}: cannot be written ({error.strerror}); {advice}")
