@@ -48,6 +48,7 @@ def write_run(
     on_stage: Callable[[str, Document | None, Timings], None] = lambda name, document, timings: (
         None
     ),
+    further: Callable[[Run], dict[str, bytes]] = lambda run: {},
 ) -> Run:
     """Run all stages and write every file of the results.
 
@@ -65,6 +66,8 @@ def write_run(
         Number of threads of mean shift.
     on_stage : callable
         As in ``pipeline.run``.
+    further : callable
+        Gives more files for the folder, by their names.
 
     Returns
     -------
@@ -80,9 +83,12 @@ def write_run(
     with found.timings.stage("report"):
         results = Results.of(found.segmentation, configuration, found.source)
         results = results.with_masks()
-        names = write_files(found, results, folder, out)
-    _write_record(found.timings, names, folder)
-    return Run(results, names, found.timings)
+        run = Run(results, write_files(found, results, folder, out), found.timings)
+        for name, content in further(run).items():
+            write_bytes(str(folder.path / name), content)
+            run.names.append(name)
+    _write_record(run, folder)
+    return run
 
 
 def write_files(
@@ -105,8 +111,9 @@ def write_files(
     return names
 
 
-def _write_record(timings: Timings, names: list[str], folder: ResultFolder) -> None:
-    content = {"seconds": timings.seconds, "peak_bytes": timings.peak_bytes, "files": names}
+def _write_record(run: Run, folder: ResultFolder) -> None:
+    timings = run.timings
+    content = {"seconds": timings.seconds, "peak_bytes": timings.peak_bytes, "files": run.names}
     encoded = msgspec.json.format(msgspec.json.encode(content), indent=1) + b"\n"
     write_bytes(str(folder.path / RECORD), encoded)
 

@@ -36,7 +36,7 @@ LAYERS = [
     {"results"},
     {"runs"},
     {"result"},
-    {"benchmarking", "api"},
+    {"batch", "benchmarking", "api"},
     {"cli", "__main__"},
 ]
 """From the bottom up: a package imports only from its own layer or those below."""

@@ -32,7 +32,7 @@ def read_settings(path: str) -> list[Setting]:
         text = content.decode("utf-8-sig")
     except UnicodeDecodeError as error:
         raise ConfigurationError(f"{path}: not UTF-8 ({error}); save it as UTF-8") from None
-    return [_relative_to(Path(path).parent, s) for s in _flatten(_compose(text, path), path)]
+    return [relative_to(Path(path).parent, s) for s in _flatten(_compose(text, path), path)]
 
 
 def value_of(text: str, origin: str) -> Any:
@@ -96,7 +96,8 @@ def _place(node: yaml.Node) -> str:
     return f":{node.start_mark.line + 1}:{node.start_mark.column + 1}"
 
 
-def _relative_to(folder: Path, setting: Setting) -> Setting:
+def relative_to(folder: Path, setting: Setting) -> Setting:
+    """The setting with relative paths, if it has any, as paths below the folder."""
     if setting.key not in _PATH_KEYS or setting.value is None:
         return setting
     several = setting.value if isinstance(setting.value, list) else [setting.value]
