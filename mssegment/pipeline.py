@@ -23,6 +23,8 @@ from mssegment.documents import (
     TracksDocument,
     read_bytes,
 )
+from mssegment.documents.checks import check_camera
+from mssegment.errors import ConfigurationError
 from mssegment.history import entry_of
 from mssegment.records import (
     OUTLIER,
@@ -322,6 +324,10 @@ def camera_for(
     camera = camera_of(configuration.camera)
     if camera is None:
         return earlier, ()
+    try:
+        check_camera(camera)
+    except ValueError as error:
+        raise ConfigurationError(str(error)) from None
     notes: tuple[str, ...] = ()
     if frames and are_pictures:
         from mssegment.cameras import fitted

@@ -27,6 +27,8 @@ NOT_JUDGED = -2
 """Label of a track that is visible in too few frames to be assigned."""
 LARGEST_COORDINATE = 1e6
 """Largest valid coordinate in pixels; anything larger is an error in a file and could overflow."""
+LARGEST_LABEL = 1_000_000
+"""Largest true label; a larger number is an identifier, or damage in a file."""
 IGNORED = -3
 """True label of a track that is not counted (mask value 255)."""
 

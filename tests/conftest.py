@@ -8,6 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from mssegment import documents
+
 
 def find_data_folder() -> Path | None:
     """The folder with the real data sets, or None where there is none."""
@@ -23,6 +25,19 @@ def data_folder() -> Path:
     if folder is None:
         pytest.skip("no real data: set MSSEGMENT_DATA, or put it into ../shared/data")
     return folder
+
+
+@pytest.fixture(autouse=True)
+def every_document_is_valid(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Whatever a test writes must be what the next command reads."""
+    written = documents.encode
+
+    def encode(document: documents.Document) -> bytes:
+        content = written(document)
+        documents.decode(content, type(document), "the document that was just written")
+        return content
+
+    monkeypatch.setattr(documents, "encode", encode)
 
 
 @pytest.fixture

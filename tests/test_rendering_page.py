@@ -14,6 +14,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from rendering_samples import affine_report
 
+from mssegment.inputs.text import printable
 from mssegment.manifolds import from_name
 from mssegment.records import (
     ClusterResult,
@@ -115,7 +116,7 @@ def test_hostile_text_is_escaped_everywhere(text):
     count = [tag for tag, _ in page.tags].count("script")
     assert count == [tag for tag, _ in plain.tags].count("script") == 2
     assert page.open == []
-    assert json.loads(page.scripts[0])["frames"][0]["name"] == text
+    assert json.loads(page.scripts[0])["frames"][0]["name"] == printable(text)
 
 
 def test_the_numbers_for_the_script_are_the_reports():

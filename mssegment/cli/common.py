@@ -23,6 +23,7 @@ from mssegment.documents import (
     write_document,
 )
 from mssegment.errors import UsageError
+from mssegment.inputs.text import printable
 from mssegment.records import Record
 
 if TYPE_CHECKING:
@@ -164,12 +165,12 @@ class Console(Record, frozen=True):
     def stage(self, name: str, sentence: str, seconds: float) -> None:
         """Print one line for a completed stage: name, result and time."""
         if not self.quiet:
-            print(f"{name:<12} {sentence:<44} {seconds:6.2f} s", file=sys.stderr)
+            print(f"{name:<12} {printable(sentence):<44} {seconds:6.2f} s", file=sys.stderr)
 
     def note(self, text: str) -> None:
         """Print a note below the line of a stage."""
         if not self.quiet:
-            print(f"{'':<12} {text}", file=sys.stderr)
+            print(f"{'':<12} {printable(text)}", file=sys.stderr)
 
     @contextmanager
     def working(self, text: str) -> Iterator[Callable[[str], None]]:

@@ -12,10 +12,16 @@ import numpy.typing as npt
 from mssegment.datasets.containers import InputFile, Variables
 from mssegment.errors import DataError
 from mssegment.inputs import limits
-from mssegment.records import LARGEST_COORDINATE, Camera, Floats, Frame, Integers, Record, Tracks
-
-LARGEST_LABEL = 1_000_000
-"""Largest true label; a larger number is an identifier, or damage."""
+from mssegment.records import (
+    LARGEST_COORDINATE,
+    LARGEST_LABEL,
+    Camera,
+    Floats,
+    Frame,
+    Integers,
+    Record,
+    Tracks,
+)
 
 
 class ImportedTracks(Record, frozen=True):

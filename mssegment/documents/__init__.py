@@ -7,6 +7,7 @@ from typing import TypeVar
 import msgspec
 
 from mssegment.documents.arrays import decode_array, encode_array, readable
+from mssegment.documents.checks import check_texts
 from mssegment.documents.files import STANDARD, read_bytes, write_bytes
 from mssegment.documents.schemas import (
     DOCUMENTS,
@@ -76,18 +77,25 @@ def decode(content: bytes, kind: type[AnyDocument], name: str = "document") -> A
     """
     try:
         head = msgspec.json.decode(content, type=_Head)
+        _check_kind(head.schema, kind, name)
+        document = msgspec.json.decode(content, type=kind, dec_hook=decode_array)
+        check_texts(document)
     except msgspec.ValidationError as error:
-        raise DataError(
-            f"{name}: not an mssegment document ({readable(error)}); expected one written by "
-            f"`mssegment {kind.made_by}`"
-        ) from None
+        if "schema" in str(error) or b'"mssegment/' not in content:
+            raise DataError(
+                f"{name}: not an mssegment document ({readable(error)}); expected one written by "
+                f"`mssegment {kind.made_by}`"
+            ) from None
+        raise DataError(f"{name}: {readable(error)}") from None
     except msgspec.DecodeError as error:
         raise DataError(f"{name}: {_malformed(content, error)}") from None
-    _check_kind(head.schema, kind, name)
-    try:
-        return msgspec.json.decode(content, type=kind, dec_hook=decode_array)
-    except msgspec.ValidationError as error:
-        raise DataError(f"{name}: {readable(error)}") from None
+    except ValueError as error:
+        raise DataError(f"{name}: {error}") from None
+    except RecursionError:
+        raise DataError(f"{name}: nested too deeply for a {kind.kind} document") from None
+    except MemoryError:
+        raise DataError(f"{name}: there is not enough memory to read it") from None
+    return document
 
 
 def read_document(path: str, kind: type[AnyDocument]) -> AnyDocument:
@@ -120,6 +128,14 @@ def _malformed(content: bytes, error: msgspec.DecodeError) -> str:
 def _check_kind(schema: str, kind: type[Document], name: str) -> None:
     if DOCUMENTS.get(schema) is kind:
         return
+    stem, _, number = schema.rpartition("/")
+    newest = next((own for own in DOCUMENTS if own.startswith(f"{stem}/")), None)
+    if schema not in DOCUMENTS and newest is not None and number.isdecimal():
+        age = "an earlier" if int(number) < int(newest.rpartition("/")[2]) else "a later"
+        raise DataError(
+            f"{name}: written by {age} version of mssegment (schema {schema}; this one reads "
+            f"{newest}); run `mssegment {DOCUMENTS[newest].made_by}` of this version again"
+        )
     if schema not in DOCUMENTS:
         known = ", ".join(DOCUMENTS)
         raise DataError(f"{name}: unknown schema {schema!r}; this version reads {known}")

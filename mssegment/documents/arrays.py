@@ -20,6 +20,8 @@ import numpy as np
 import numpy.typing as npt
 
 LIST_LIMIT = 100_000
+DEEPEST = 8
+"""Axes of an array; the documents have at most four."""
 _DTYPES = {"<f8": np.dtype("<f8"), "<i8": np.dtype("<i8")}
 
 
@@ -73,6 +75,8 @@ def decode_array(kind: Any, value: object) -> npt.NDArray[Any]:
     """
     try:
         return _decode(kind, value)
+    except RecursionError:
+        raise ValueError("Expected an array, got lists that are nested too deeply") from None
     except msgspec.ValidationError as error:
         # as a plain ValueError, msgspec adds the path to this array
         raise ValueError(str(error)) from None
@@ -98,11 +102,16 @@ def _decode(kind: Any, value: object) -> npt.NDArray[Any]:
 def _from_list(value: list[Any], dtype: np.dtype[Any]) -> npt.NDArray[Any]:
     number: Any = (float | None) if dtype.kind == "f" else int
     kind = number
-    for _ in range(_depth(value)):
+    depth = _depth(value)
+    if depth > DEEPEST:
+        raise ValueError(f"Expected an array, got lists nested {depth} deep")
+    for _ in range(depth):
         kind = GenericAlias(list, (kind,))
     checked = msgspec.convert(value, kind)
     try:
         return np.array(checked, dtype=dtype)
+    except OverflowError:
+        raise ValueError("Expected a number of 64 bits, got a larger one") from None
     except ValueError as error:
         raise ValueError(_ragged(checked) or str(error)) from None
 
@@ -134,9 +143,11 @@ def _from_base64(encoded: EncodedArray, dtype: np.dtype[Any]) -> npt.NDArray[Any
         raise ValueError(f"Expected dtype {wanted}, got {encoded.dtype!r}")
     try:
         raw = base64.b64decode(encoded.base64, validate=True)
-    except binascii.Error as error:
+    except (binascii.Error, ValueError) as error:
         raise ValueError(f"Expected base64, but {error}") from None
-    if any(n < 0 for n in encoded.shape) or len(raw) != 8 * math.prod(encoded.shape):
+    if len(encoded.shape) > DEEPEST:
+        raise ValueError(f"Expected an array, got one of {len(encoded.shape)} axes")
+    if any(not 0 <= n < 2**62 for n in encoded.shape) or len(raw) != 8 * math.prod(encoded.shape):
         raise ValueError(f"Expected {encoded.shape} numbers of 8 bytes, got {len(raw)} bytes")
     return np.frombuffer(raw, dtype=_DTYPES[encoded.dtype]).reshape(encoded.shape).astype(dtype)
 

@@ -6,10 +6,17 @@ Each check raises ValueError with the name of the field, what was found and what
 
 from __future__ import annotations
 
+import math
+from collections.abc import Iterator, Sequence
+from typing import Any
+
 import numpy as np
 
+from mssegment.inputs import limits
 from mssegment.records import (
+    IGNORED,
     LARGEST_COORDINATE,
+    LARGEST_LABEL,
     Camera,
     Floats,
     Frame,
@@ -18,8 +25,50 @@ from mssegment.records import (
     Mode,
     Motion,
     Normalization,
+    Part,
     Tracks,
 )
+
+LARGEST_COUNT = 2**53
+"""Largest count or index: larger ones are not exact in every JSON reader."""
+LARGEST_PARAMETER = 1e12
+"""Largest number in a point on a manifold. Decompositions of far larger ones never end."""
+BROWN_COUNTS = (0, 1, 2, 4, 5, 8, 12, 14)
+"""Numbers of coefficients that have one meaning: OpenCV's, and k1 or k1, k2 alone."""
+
+
+def check_inside(points: Floats, frame: Frame, name: str) -> None:
+    """Raises ValueError for a position [n, 2] outside its frame, whose first pixel is at 0."""
+    far = ((points < -0.5) | (points > np.array([frame.width, frame.height]) - 0.5)).any(axis=1)
+    if far.any():
+        corner = int(np.argmax(far))
+        x, y = points[corner]
+        raise ValueError(
+            f"{name}[{corner}] is ({x:g}, {y:g}), outside the picture of {frame.width}x"
+            f"{frame.height} pixels"
+        )
+
+
+def check_count(value: int, name: str) -> None:
+    """Raises ValueError for a number of things that is negative or beyond ``LARGEST_COUNT``."""
+    if not 0 <= value <= LARGEST_COUNT:
+        raise ValueError(f"{name} is {value}; expected 0 to {LARGEST_COUNT}")
+
+
+def check_point(point: Floats, sets: Sequence[HypothesisSet], index: int, name: str) -> None:
+    """Raises ValueError unless a point has the shape of its set's manifold and finite numbers."""
+    expected = sets[index].points.shape[1:]
+    if point.shape != expected:
+        raise ValueError(
+            f"{name} has shape {_by(point.shape)}; expected {_by(expected)}, as the hypotheses of "
+            f"sets[{index}]"
+        )
+    if not (np.abs(point) <= LARGEST_PARAMETER).all():
+        raise ValueError(f"{name} holds null or a number beyond {LARGEST_PARAMETER:g}")
+
+
+def _by(shape: tuple[int, ...]) -> str:
+    return " x ".join(map(str, shape))
 
 
 def check_shape(array: Floats | Integers, expected: tuple[int | None, ...], name: str) -> None:
@@ -59,6 +108,11 @@ def check_tracks(tracks: Tracks, frames: int) -> None:
         check_reach(tracks.affines, "tracks.affines")
     if tracks.labels is not None:
         check_shape(tracks.labels, (count,), "tracks.labels")
+        if count and not (tracks.labels.min() >= IGNORED and tracks.labels.max() <= LARGEST_LABEL):
+            raise ValueError(
+                f"tracks.labels range from {tracks.labels.min()} to {tracks.labels.max()}; "
+                f"expected 0 (outlier), 1, 2, ..., at most {LARGEST_LABEL:,}"
+            )
     if tracks.ids is not None and len(tracks.ids) != count:
         raise ValueError(
             f"tracks.ids has {len(tracks.ids)} entries; expected {count}, one per track"
@@ -83,7 +137,13 @@ def check_sets(sets: list[HypothesisSet], tracks: Tracks, frames: int) -> None:
         if len(chosen.subsets) or len(chosen.points):
             check_shape(chosen.subsets, (len(chosen.points), None), f"{name}.subsets")
         check_indices(chosen.subsets, len(tracks.points), f"{name}.subsets", "tracks")
-        check_indices(np.array(chosen.frames, dtype=np.int64), frames, f"{name}.frames", "frames")
+        wrong = next((frame for frame in chosen.frames if not 0 <= frame < frames), None)
+        if wrong is not None:
+            raise ValueError(
+                f"{name}.frames holds {wrong}; expected at least 0 and less than {frames}, the "
+                "number of frames"
+            )
+        check_count(chosen.drawn, f"{name}.drawn")
         if not np.isfinite(chosen.points).all():
             raise ValueError(f"{name}.points holds null; expected a number for every parameter")
         check_reach(chosen.points, f"{name}.points")
@@ -108,9 +168,37 @@ def _check_normalization(normalization: Normalization, frames: int, name: str) -
             raise ValueError(f"{name}.rotation is not orthogonal; expected a rotation matrix")
 
 
+def check_texts(document: Any) -> None:
+    """Raises ValueError for a text that is longer than ``limits.text_length``."""
+    longest = limits.limit("text_length")
+    for where, text in _texts(document):
+        if len(text) > longest:
+            raise ValueError(limits.exceeded("text_length", len(text), where))
+
+
+def _texts(document: Any) -> Iterator[tuple[str, str]]:
+    """Every text of a document with the name of its field."""
+    for i, frame in enumerate(document.frames):
+        yield f"frames[{i}].path", frame.path
+        yield f"frames[{i}].sha256", frame.sha256
+    for i, entry in enumerate(document.history):
+        for text in (entry.stage, entry.version, *entry.notes, *map(str, entry.settings.values())):
+            yield f"history[{i}]", text
+    for name in ("notes", "sets", "motions"):
+        for i, own in enumerate(getattr(document, name, ())):
+            for text in (
+                (own,) if isinstance(own, str) else (own.model, getattr(own, "manifold", ""))
+            ):
+                yield f"{name}[{i}]", text
+    for i, text in enumerate(getattr(getattr(document, "tracks", None), "ids", None) or ()):
+        yield f"tracks.ids[{i}]", text
+
+
 def check_frames(frames: list[Frame]) -> None:
-    """Raises ValueError for a frame without a valid size."""
+    """Raises ValueError for a frame without a valid size, or with an impossible index or time."""
     for i, frame in enumerate(frames):
+        if frame.index is not None and not 0 <= frame.index <= LARGEST_COUNT:
+            raise ValueError(f"frames[{i}].index is {frame.index}; expected 0 to {LARGEST_COUNT}")
         if not (0 < frame.width <= LARGEST_COORDINATE and 0 < frame.height <= LARGEST_COORDINATE):
             raise ValueError(
                 f"frames[{i}] has size {frame.width}x{frame.height}; expected pixels, from 1 to "
@@ -119,7 +207,25 @@ def check_frames(frames: list[Frame]) -> None:
 
 
 def check_camera(camera: Camera) -> None:
-    """Raises ValueError for an impossible focal length or principal point."""
+    """Raises ValueError for an impossible focal length, principal point or distortion."""
+    count = len(camera.distortion)
+    if camera.distortion_model == "fisheye" and count > 4:
+        raise ValueError(
+            f"camera.distortion has {count} coefficients of a fisheye lens; expected k1, k2, k3, k4"
+        )
+    if camera.distortion_model == "brown" and count not in BROWN_COUNTS:
+        raise ValueError(
+            f"camera.distortion has {count} coefficients; expected k1, k2, p1, p2[, k3[, k4, k5, "
+            "k6[, s1, s2, s3, s4[, tau_x, tau_y]]]], with 0 for those that are not known"
+        )
+    if not all(abs(value) <= LARGEST_COORDINATE for value in camera.distortion):
+        raise ValueError(
+            f"camera.distortion holds {max(camera.distortion, key=abs):g}; expected at most "
+            f"{LARGEST_COORDINATE:g}"
+        )
+    for name, size in (("width", camera.width), ("height", camera.height)):
+        if size is not None and not 0 < size <= LARGEST_COORDINATE:
+            raise ValueError(f"camera.{name} is {size}; expected pixels, more than 0")
     for name in ("fx", "fy"):
         if not 0 < getattr(camera, name) <= LARGEST_COORDINATE:
             raise ValueError(
@@ -144,31 +250,50 @@ def check_reach(values: Floats, name: str) -> None:
         raise ValueError(f"{found}; expected at most {LARGEST_COORDINATE:g}")
 
 
-def check_motions(motions: tuple[Motion, ...], tracks: int, sets: int) -> None:
+def check_motions(motions: tuple[Motion, ...], tracks: int, sets: Sequence[HypothesisSet]) -> None:
     """Raises ValueError for a motion with an invalid label, set, inliers or parameters."""
     for i, motion in enumerate(motions):
         name = f"motions[{i}]"
         if motion.label != i + 1:
             raise ValueError(f"{name}.label is {motion.label}; expected {i + 1}")
-        _check_set_index(motion.set_index, sets, name)
-        check_shape(motion.inliers, (None,), f"{name}.inliers")
-        check_indices(motion.inliers, tracks, f"{name}.inliers", "tracks")
-        if not np.isfinite(motion.parameters).all():
-            raise ValueError(f"{name}.parameters holds null; expected numbers")
+        named: list[tuple[str, Motion | Part]] = [(name, motion)]
+        named += [(f"{name}.parts[{k}]", part) for k, part in enumerate(motion.parts)]
+        for own, part in named:
+            _check_set_index(part.set_index, len(sets), own)
+            check_shape(part.inliers, (None,), f"{own}.inliers")
+            check_indices(part.inliers, tracks, f"{own}.inliers", "tracks")
+            check_point(part.parameters, sets, part.set_index, f"{own}.parameters")
+            if not 0 <= part.rms < math.inf:
+                raise ValueError(f"{own}.rms is {part.rms:g}; expected pixels, at least 0")
 
 
-def check_modes(modes: tuple[Mode, ...], motions: int, sets: int) -> None:
-    """Raises ValueError for a mode that refers to a set or a motion that does not exist."""
+def check_modes(modes: tuple[Mode, ...], motions: int, sets: Sequence[HypothesisSet]) -> None:
+    """Raises ValueError for a mode with an invalid set, motion, density or point."""
     for i, mode in enumerate(modes):
         name = f"modes[{i}]"
-        _check_set_index(mode.set_index, sets, name)
+        _check_set_index(mode.set_index, len(sets), name)
         if not 0 <= mode.motion <= motions:
             raise ValueError(
                 f"{name}.motion is {mode.motion}; expected 0 (none) to {motions}, the number of "
                 "motions"
             )
-        if not np.isfinite(mode.point).all():
-            raise ValueError(f"{name}.point holds null; expected numbers")
+        check_count(mode.hypotheses, f"{name}.hypotheses")
+        if not 0 <= mode.kde < math.inf:
+            raise ValueError(f"{name}.kde is {mode.kde:g}; expected a density, at least 0")
+        check_point(mode.point, sets, mode.set_index, f"{name}.point")
+
+
+def check_assignments(
+    assignments: tuple[Integers, ...], modes: int, sets: Sequence[HypothesisSet]
+) -> None:
+    """Raises ValueError for assignments of hypotheses to modes that do not exist."""
+    for i, (own, chosen) in enumerate(zip(assignments, sets, strict=False)):
+        check_shape(own, (len(chosen.points),), f"assignments[{i}]")
+        if own.size and (own.min() < -1 or own.max() >= max(modes, 1)):
+            raise ValueError(
+                f"assignments[{i}] range from {own.min()} to {own.max()}; expected -1 (none) to "
+                f"{modes - 1}, the last mode"
+            )
 
 
 def _check_set_index(index: int, sets: int, name: str) -> None:

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from mssegment.errors import DataError, OutputError, UsageError
 from mssegment.inputs.files import read_file, read_standard
+from mssegment.inputs.text import printable_lines
 
 STANDARD = "-"
 
@@ -72,6 +73,8 @@ def write_bytes(path: str, content: bytes) -> None:
 
 def _write_standard(content: bytes) -> None:
     try:
+        if sys.stdout.isatty():  # what a terminal obeys, such as ESC, must not come from a document
+            content = printable_lines(content.decode("utf-8", "backslashreplace")).encode()
         sys.stdout.buffer.write(content)
         sys.stdout.buffer.flush()
     except BrokenPipeError:

@@ -7,17 +7,19 @@ the same input and seed give the same bytes.
 
 from __future__ import annotations
 
+import math
 from typing import Any, ClassVar
 
 import msgspec
 import numpy as np
 
 from mssegment.documents.checks import (
+    check_assignments,
     check_camera,
     check_frames,
+    check_inside,
     check_modes,
     check_motions,
-    check_reach,
     check_sets,
     check_shape,
     check_status,
@@ -120,7 +122,7 @@ class CornersDocument(Document, frozen=True, tag="mssegment/corners/1"):
             check_shape(corners.scales, count, f"corners[{i}].scales")
             if not np.isfinite(corners.points).all():
                 raise ValueError(f"corners[{i}].points holds null; expected [x, y] in pixels")
-            check_reach(corners.points, f"corners[{i}].points")
+            check_inside(corners.points, self.frames[i], f"corners[{i}].points")
             if not np.isfinite(corners.responses).all():
                 raise ValueError(f"corners[{i}].responses holds null; expected numbers")
             if not (corners.scales > 0).all():
@@ -265,15 +267,17 @@ class SegmentationDocument(Document, frozen=True, tag="mssegment/segmentation/2"
             )
         if len(self.motions):
             check_shape(self.residuals, (len(self.motions), count), "residuals")
-        check_motions(self.motions, count, len(self.sets))
-        check_modes(self.modes, len(self.motions), len(self.sets))
+        check_motions(self.motions, count, self.sets)
+        check_modes(self.modes, len(self.motions), self.sets)
+        check_assignments(self.assignments, len(self.modes), self.sets)
+        for i, bandwidth in enumerate(self.bandwidths):
+            if not 0 <= bandwidth < math.inf:
+                raise ValueError(f"bandwidths[{i}] is {bandwidth:g}; expected at least 0")
         if self.camera_motion is not None and not 1 <= self.camera_motion <= len(self.motions):
             raise ValueError(
                 f"camera_motion is {self.camera_motion}; expected null, or 1 to "
                 f"{len(self.motions)}, the number of motions"
             )
-        for i, (own, chosen) in enumerate(zip(self.assignments, self.sets, strict=False)):
-            check_shape(own, (len(chosen.points),), f"assignments[{i}]")
 
 
 DOCUMENTS: dict[str, type[Document]] = {

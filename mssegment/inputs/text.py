@@ -26,7 +26,7 @@ def printable(text: str, longest: int | None = None) -> str:
     Examples
     --------
     >>> print(printable("red: \x1b[31m"))
-    red: \x1b[31m
+    red: \u001b[31m
     >>> printable("0123456789", longest=7)
     '012...9'
     """
@@ -50,7 +50,5 @@ def printable_lines(text: str) -> str:
 
 
 def _escaped(letter: str) -> str:
-    code = ord(letter)
-    if code < 0x100:
-        return f"\\x{code:02x}"
+    code = ord(letter)  # the form of JSON, which stays valid
     return f"\\u{code:04x}" if code < 0x10000 else f"\\U{code:08x}"

@@ -54,8 +54,9 @@ class Sim2(MatrixGroup):
             size = np.where(square < 0.25, near, np.log(np.hypot(real, imaginary)))
         size = np.where(np.isinf(size), np.nan, size)
         angle = np.arctan2(imaginary, real)
-        over = np.divide(1.0, square, out=np.zeros_like(square), where=square > 0)
-        p = np.where(square > 0, (size * excess + angle * imaginary) * over, 1.0)
+        apart = square >= np.finfo(square.dtype).tiny  # the inverse of a smaller one overflows
+        over = np.divide(1.0, square, out=np.zeros_like(square), where=apart)
+        p = np.where(apart, (size * excess + angle * imaginary) * over, 1.0)
         q = (angle * excess - size * imaginary) * over
         out = np.empty_like(m)
         out[0, 0] = out[1, 1] = size

@@ -14,6 +14,7 @@ import numpy as np
 
 from mssegment.errors import UsageError
 from mssegment.evaluation import match_labels
+from mssegment.inputs.text import printable
 from mssegment.records import OUTLIER, Integers, Motion, replace
 from mssegment.rendering import style
 from mssegment.rendering.layout import stack_below, stack_right, view_of
@@ -164,7 +165,8 @@ def _titled(name: str, report: Report) -> Scene:
     scene = frame_scene(report, view, motion_hulls(report, view))
     size = view.sizes.text
     title = Scene(scene.width, round(2.2 * size))
-    shown = name if len(name) < 60 else "…" + name[-59:]
+    shown = printable(name)
+    shown = shown if len(shown) < 60 else "…" + shown[-59:]
     title.add([Label(0.8 * size, 1.5 * size, 1.1 * size, shown, style.INK, bold=True)])
     return stack_below(title, scene, 0)
 

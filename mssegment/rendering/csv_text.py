@@ -6,8 +6,13 @@ import csv
 import io
 from collections.abc import Iterable, Sequence
 
-FORMULA_SIGNS = ("=", "+", "-", "@", "\t", "\r")
-"""A cell that begins with one of these may be run as a formula (OWASP, CSV injection)."""
+FORMULA_SIGNS = ("=", "+", "-", "@", "\t", "\r", "\n", "\uff1d", "\uff0b", "\uff0d", "\uff20")
+"""A cell that begins with one of these may be run as a formula (OWASP, CSV injection).
+
+The last four are the full-width forms of the first four, which some spreadsheets take for them.
+"""
+_SKIPPED = " \u00a0\u200b\u2060\ufeff"
+"""Blanks and invisible characters that some programs skip at the beginning of a cell."""
 
 
 def neutral(cell: object) -> object:
@@ -20,7 +25,9 @@ def neutral(cell: object) -> object:
     >>> neutral("=1+1"), neutral("-5"), neutral(-5), neutral("-"), neutral("a")
     ("'=1+1", '-5', -5, '-', 'a')
     """
-    if not isinstance(cell, str) or not cell.startswith(FORMULA_SIGNS) or cell == "-":
+    if not isinstance(cell, str) or cell == "-":
+        return cell
+    if not cell.lstrip(_SKIPPED).startswith(FORMULA_SIGNS):
         return cell
     try:
         float(cell)

@@ -14,6 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from mssegment.evaluation import Evaluation, evaluate, find_world, residual_errors
+from mssegment.inputs.text import printable
 from mssegment.records import (
     BACKGROUND,
     NOT_JUDGED,
@@ -109,9 +110,10 @@ class Report(Record, frozen=True, eq=False):
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """The notes of all stages in their order, each once."""
+        """The notes of all stages in their order, each once, fit to be shown."""
         said = [str(note) for stage in self.history for note in stage.get("notes", ())]
-        return tuple(dict.fromkeys([*said, *self.segmentation.notes, *self.evaluation_notes]))
+        said += [*self.segmentation.notes, *self.evaluation_notes]
+        return tuple(printable(note) for note in dict.fromkeys(said))
 
     @property
     def camera_motion(self) -> int | None:

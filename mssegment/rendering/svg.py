@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import base64
-from html import escape
 
 import cv2
 import numpy as np
 
 from mssegment.records import Floats
 from mssegment.rendering import scene as scenes
+from mssegment.rendering.markup import escape
 from mssegment.rendering.report import Picture
 from mssegment.rendering.style import PAPER, hexadecimal, text_on
 

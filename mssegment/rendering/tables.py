@@ -9,7 +9,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from unicodedata import east_asian_width
 
-from mssegment.records import BACKGROUND, NOT_JUDGED, OUTLIER, Record
+from mssegment.inputs.text import printable
+from mssegment.records import BACKGROUND, NOT_JUDGED, OUTLIER, Record, replace
 from mssegment.rendering.report import Report, report_bytes
 from mssegment.rendering.style import GLYPHS
 
@@ -185,7 +186,10 @@ def format_table(table: Table, form: str) -> str:
     M2             63
     """
     writers = {"text": _text, "markdown": _markdown, "latex": _latex, "csv": _csv}
-    return writers[form](table)
+    # CSV is data, and neutralised on its own
+    shown = str if form == "csv" else printable
+    rows = tuple(tuple(map(shown, row)) for row in table.rows)
+    return writers[form](replace(table, rows=rows))
 
 
 def number(value: float | None, digits: int = 3) -> str:

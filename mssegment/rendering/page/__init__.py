@@ -10,10 +10,11 @@ from __future__ import annotations
 
 import base64
 import hashlib
-from html import escape
 from importlib import resources
 from string import Template
 
+from mssegment.inputs.text import printable
+from mssegment.rendering.markup import escape
 from mssegment.rendering.page import payload, sections, still
 from mssegment.rendering.report import Report
 from mssegment.rendering.style import hexadecimal
@@ -55,7 +56,7 @@ def render_page(report: Report) -> str:
 
 def page_title(report: Report) -> str:
     """The title: the summary, and the names of the first and the last frame."""
-    names = [frame.path.rpartition("/")[2] for frame in report.frames]
+    names = [printable(frame.path.rpartition("/")[2]) for frame in report.frames]
     shown = ", ".join(dict.fromkeys([names[0], names[-1]])) if names else "no frames"
     return f"{summary(report)} · {shown}"
 

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from html import escape
-
 import numpy as np
 
 from mssegment.records import Floats
+from mssegment.rendering.markup import escape
 from mssegment.rendering.page.payload import inlier_limit, label_class, residual_row
 from mssegment.rendering.page.projection import Projection
 from mssegment.rendering.report import Report

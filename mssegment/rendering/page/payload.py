@@ -11,6 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from mssegment.evaluation import is_correct, is_counted
+from mssegment.inputs.text import printable
 from mssegment.records import BACKGROUND, NOT_JUDGED, OUTLIER
 from mssegment.rendering.layout import typical_spacing
 from mssegment.rendering.report import Picture, Report
@@ -134,7 +135,7 @@ def numbers(report: Report) -> dict[str, Any]:
     ]
     return {
         "frames": [
-            {"name": frame.path, "width": frame.width, "height": frame.height}
+            {"name": printable(frame.path), "width": frame.width, "height": frame.height}
             for frame in report.frames
         ],
         "tracks": len(points),

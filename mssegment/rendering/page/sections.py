@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from html import escape
 from typing import Any
 
 import numpy as np
 
+from mssegment.rendering.markup import escape
 from mssegment.rendering.page.charts import manifold_svg, residual_svg
 from mssegment.rendering.page.payload import (
     label_class,

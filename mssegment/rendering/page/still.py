@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from html import escape
-
 import numpy as np
 
 from mssegment.records import Floats
 from mssegment.rendering.layout import typical_spacing
+from mssegment.rendering.markup import escape
 from mssegment.rendering.page.payload import label_class, shown_labels
 from mssegment.rendering.report import Report
 from mssegment.rendering.scene import OUTLINES

@@ -209,6 +209,9 @@ def _modes(
     for index in sorted({motion.set_index for motion in motions}):
         hypotheses = sets[index]
         of_set = [motion for motion in motions if motion.set_index == index]
+        if not len(hypotheses.points):  # exact tracks of a lower rank: every subset is degenerate
+            modes += [Mode(index, 0, 0.0, m.parameters, m.label) for m in of_set]
+            continue
         manifold = manifolds.from_name(hypotheses.manifold)
         sample = hypotheses.points[rng.permutation(len(hypotheses.points))[:DENSITY_SAMPLE]]
         bandwidths[index] = (
