@@ -19,6 +19,7 @@ from mssegment.imaging import pictures
 from mssegment.imaging.pictures import GreyPicture, RgbPicture, StoredPicture
 from mssegment.imaging.sources import expand
 from mssegment.imaging.stacks import Stack, is_stack
+from mssegment.inputs.standard_error import quiet
 from mssegment.progress import track
 from mssegment.records import Frame, Record, replace
 
@@ -307,7 +308,8 @@ def _moving(path: str) -> Video | Stack:
 def is_moving(path: str) -> bool:
     """Whether a file has several frames: a video, an animation or a stack of pictures.
 
-    Raises DataError for a text file, which FFmpeg would decode as a video of characters.
+    Raises DataError for a playlist, which names other files, and for a text file, which FFmpeg
+    would decode as a video of characters.
     """
     try:
         with Path(path).open("rb") as file:
@@ -317,16 +319,30 @@ def is_moving(path: str) -> bool:
                 return head.startswith(_MAY_BE_STACKS) and is_stack(pictures.read_bytes(path))
     except OSError:
         return False  # reading it raises the error
+    if _is_playlist(head):
+        raise DataError(
+            f"{path}: a playlist, which names other files or addresses; name the video itself"
+        )
     if _is_text(head):
         raise DataError(
             f"{path}: a text file, expected a picture (PNG, JPEG, TIFF, BMP, PGM, WebP) or a video "
             "(MP4, AVI, ...); check the path"
         )
-    with pictures.quiet():
+    with quiet():
         return not cv2.haveImageReader(path)
 
 
+_PLAYLISTS = (
+    *(b"#extm3u", b"[playlist]", b"ffconcat", b"file '", b"v=0\r", b"v=0\n", b"<smil", b"<asx"),
+    *(b"[reference]", b"rtsptext", b"#!avs"),
+)
 _MAY_BE_STACKS = (b"\x89PNG", b"GIF8", b"II*\0", b"MM\0*", b"RIFF")
+
+
+def _is_playlist(head: bytes) -> bool:
+    """Whether a file begins as an M3U, PLS, concat, SDP, DASH, SMIL or ASX playlist."""
+    start = head.removeprefix(b"\xef\xbb\xbf").lstrip().lower()
+    return start.startswith(_PLAYLISTS) or (start.startswith(b"<") and b"<mpd" in start)
 
 
 def _is_text(head: bytes) -> bool:

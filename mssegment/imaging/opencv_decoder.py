@@ -16,13 +16,19 @@ HEADER = struct.Struct("<qdqq")
 END = -1
 NOT_OPENED = 3
 """Exit status for a file that OpenCV cannot open."""
+OPTIONS = {
+    "protocol_whitelist": "file",
+    "format_whitelist": "mov,mp4,m4a,3gp,3g2,mj2,avi,matroska,webm,mpegts,mpeg,mpegvideo,flv,asf,"
+    "ogg,ivf,dv,mjpeg,mjpeg_2000,h264,hevc,m4v,av1,obu,yuv4mpegpipe,rm,mxf,nut,vc1,wtv,gif,apng",
+}
+"""FFmpeg opens videos, and nothing that names other files or addresses, such as playlists."""
 _MJPEG = int.from_bytes(b"MJPG", "little")
 
 
 def main(path: str, start: int, stop: int, step: int) -> int:
     """Write every ``step``-th frame from ``start`` to before ``stop`` (-1: to the end)."""
-    # nothing but files: a playlist must not fetch anything
-    os.environ.setdefault("OPENCV_FFMPEG_CAPTURE_OPTIONS", "protocol_whitelist;file")
+    options = "|".join(f"{name};{value}" for name, value in OPTIONS.items())
+    os.environ["OPENCV_FFMPEG_CAPTURE_OPTIONS"] = options
     import cv2
 
     capture = cv2.VideoCapture(path)

@@ -2,12 +2,7 @@
 
 from __future__ import annotations
 
-import contextlib
 import hashlib
-import os
-import sys
-import threading
-from collections.abc import Iterator
 from pathlib import Path
 
 import cv2
@@ -17,6 +12,7 @@ import numpy.typing as npt
 from mssegment.errors import DataError
 from mssegment.imaging.headers import check_size
 from mssegment.inputs.files import check_kind, read_file
+from mssegment.inputs.standard_error import quiet
 
 GreyPicture = npt.NDArray[np.float32]
 """Grey values [height, width], 0 (black) to 255 (white) whatever the bit depth of the file."""
@@ -34,31 +30,6 @@ PICTURE_SUFFIXES = frozenset(
 _MISSING = "no such file; check the path"
 _NO_MEMORY = -4
 """OpenCV's code of an allocation that failed (``cv::Error::StsNoMem``)."""
-_STDERR = threading.RLock()
-
-
-@contextlib.contextmanager
-def quiet() -> Iterator[None]:
-    """Discard what OpenCV, libpng and FFmpeg write to file descriptor 2.
-
-    They write there from C, bypassing ``sys.stderr``. Every failure that they would report is
-    raised by the caller as an error that names the file.
-    """
-    with _STDERR:
-        sys.stderr.flush()
-        try:
-            kept = os.dup(2)
-        except OSError:  # the process has no stderr: nothing to discard
-            yield
-            return
-        nowhere = os.open(os.devnull, os.O_WRONLY)
-        try:
-            os.dup2(nowhere, 2)
-            yield
-        finally:
-            os.dup2(kept, 2)
-            os.close(kept)
-            os.close(nowhere)
 
 
 def read_bytes(path: str) -> bytes:

@@ -10,7 +10,8 @@ import numpy as np
 
 from mssegment.errors import DataError
 from mssegment.imaging.headers import check_size, check_stack, tiff_tags
-from mssegment.imaging.pictures import StoredPicture, check_depth, check_memory, quiet, read_bytes
+from mssegment.imaging.pictures import StoredPicture, check_depth, check_memory, read_bytes
+from mssegment.inputs.standard_error import quiet
 
 _REDUCED = 254
 """The TIFF tag that marks a reduced copy of another page."""

@@ -13,6 +13,7 @@ import numpy as np
 from mssegment.errors import DataError
 from mssegment.imaging import opencv_decoder
 from mssegment.imaging.pictures import StoredPicture
+from mssegment.inputs import limits
 from mssegment.records import Record
 
 EXTRA = "pip install 'mssegment[video]'"
@@ -53,12 +54,12 @@ def read(path: str, start: int, stop: int | None, step: int) -> Iterator[VideoFr
 def _read_by_pyav(path: str, start: int, stop: int | None, step: int) -> Iterator[VideoFrame | End]:
     import av
 
+    largest = limits.limit("picture_pixels")
     # PyAV's log stays off, as it is by default: its callbacks can wait for ever for the threads of
     # the decoder
     try:
-        # nothing but files: a playlist must not fetch anything
-        container = av.open(path, options={"protocol_whitelist": "file"})
-    except (av.error.FFmpegError, ValueError) as error:
+        container = av.open(path, options=opencv_decoder.OPTIONS)
+    except (av.error.FFmpegError, ValueError, OSError, MemoryError, OverflowError) as error:
         raise DataError(
             f"{path}: {_reason(path, str(getattr(error, 'strerror', error)))}"
         ) from None
@@ -67,6 +68,8 @@ def _read_by_pyav(path: str, start: int, stop: int | None, step: int) -> Iterato
             raise DataError(f"{path}: {_reason(path, 'no video stream')}")
         stream = container.streams.video[0]
         stream.thread_type = "AUTO"
+        _check_size(path, stream.width or 0, stream.height or 0)
+        stream.codec_context.options = {"max_pixels": str(largest)}
         announced, index, first = int(stream.frames or 0), 0, None
         try:
             for frame in container.decode(stream):
@@ -76,14 +79,24 @@ def _read_by_pyav(path: str, start: int, stop: int | None, step: int) -> Iterato
                     announced = 0
                     break
                 first = frame.time if first is None else first
+                _check_size(path, frame.width, frame.height)
                 if index >= start and (index - start) % step == 0:
                     yield VideoFrame(index, _since(frame.time, first), _upright(frame))
                 index += 1
-        except (av.error.FFmpegError, ValueError) as error:
+        except MemoryError:
+            raise DataError(
+                f"{path}: there is not enough memory to decode frame {index}; use a smaller video"
+            ) from None
+        except (av.error.FFmpegError, ValueError, OSError) as error:
             if index == 0:
                 reason = str(getattr(error, "strerror", error))
                 raise DataError(f"{path}: {_reason(path, reason)}") from None
         yield End(index, announced)
+
+
+def _check_size(path: str, width: int, height: int) -> None:
+    """Raises DataError for frames larger than ``limits.picture_pixels``."""
+    limits.check("picture_pixels", width * height, f"{path}: frames of {width}x{height}")
 
 
 def _since(time: float | None, first: float | None) -> float | None:
@@ -115,6 +128,7 @@ def _read_by_child(
             if index == opencv_decoder.END:
                 yield End(width, height)
                 return
+            _check_size(path, width, height)
             content = child.stdout.read(height * width * 3)
             if len(content) < height * width * 3:
                 break

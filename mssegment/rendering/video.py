@@ -16,7 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from mssegment.errors import UsageError
-from mssegment.imaging.pictures import quiet
+from mssegment.inputs.standard_error import quiet
 from mssegment.progress import track
 from mssegment.records import Floats, Frame, Integers, Record
 from mssegment.rendering import h264, style
