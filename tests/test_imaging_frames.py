@@ -17,8 +17,9 @@ from mssegment.imaging import frames
 from mssegment.imaging.camera import undistort_points
 from mssegment.imaging.corners import harris
 from mssegment.imaging.frames import open_frames, reopen_frames
-from mssegment.imaging.pictures import decode, quiet
+from mssegment.imaging.pictures import decode
 from mssegment.imaging.threads import threads_for
+from mssegment.inputs.standard_error import quiet
 from mssegment.records import Camera, Frame
 
 

@@ -15,9 +15,9 @@ from mssegment.errors import DataError
 from mssegment.imaging import opencv_decoder, video_readers
 from mssegment.imaging.frames import open_frames, reopen_frames
 from mssegment.imaging.orientation import upright
-from mssegment.imaging.pictures import quiet
 from mssegment.imaging.video_readers import End, VideoFrame
 from mssegment.imaging.videos import Video
+from mssegment.inputs.standard_error import quiet
 
 READERS = ["pyav", "opencv"]
 

@@ -17,6 +17,7 @@ import click
 
 from mssegment.cli.signals import Signals, Stopped
 from mssegment.errors import ExitStatus, MssegmentError
+from mssegment.inputs import standard_error
 from mssegment.inputs.text import printable
 from mssegment.version import __version__
 
@@ -112,6 +113,7 @@ def cli() -> None:
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run the command line and exit with its status; by default with ``sys.argv``."""
     arguments = list(sys.argv[1:] if arguments is None else arguments)
+    standard_error.take()
     signals = Signals()
     status = 0
     try:
