@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import msgspec
 import numpy as np
+import numpy.typing as npt
 
 from mssegment.configuration import Configuration, camera_of
 from mssegment.documents import (
@@ -171,8 +172,25 @@ def match(
     )
 
 
-def hypothesize(document: TracksDocument, configuration: Configuration) -> HypothesesDocument:
+def hypothesize(
+    document: TracksDocument,
+    configuration: Configuration,
+    earlier_background: npt.NDArray[np.bool_] | None = None,
+) -> HypothesesDocument:
     """Stage 3: remove the background, and sample hypotheses on the manifold of the model.
+
+    Parameters
+    ----------
+    document : TracksDocument
+        The tracks.
+    configuration : Configuration
+        The settings.
+    earlier_background : ndarray [P] of bool, optional
+        Tracks that were background in the frames before, where this is a window of a sequence.
+
+    Returns
+    -------
+    HypothesesDocument
 
     Raises
     ------
@@ -197,6 +215,7 @@ def hypothesize(document: TracksDocument, configuration: Configuration) -> Hypot
         frame_size=_size(document.frames),
         remove=configuration.background.remove,
         min_displacement=configuration.background.min_displacement,
+        earlier=earlier_background,
     )
     notes, frames = (*camera_notes, *background.notes), points.shape[1]
     options, strategy = _sampling(configuration, frames)

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import msgspec
 
@@ -23,6 +24,10 @@ from mssegment.inputs.files import read_file
 from mssegment.records import Record
 from mssegment.resources import Timings
 from mssegment.results import Results
+
+if TYPE_CHECKING:
+    from mssegment.documents.clips import ClipDocument
+    from mssegment.imaging.streams import Clip
 
 RECORD = "timings.json"
 """The file of a run that lists the files which it wrote."""
@@ -91,6 +96,44 @@ def write_run(
     return run
 
 
+class ClipRun(Record, frozen=True):
+    """What was written of a long clip, how long it took, and what is to be said of it."""
+
+    document: ClipDocument
+    names: list[str]
+    timings: Timings
+    said: list[str]
+
+
+def write_clip_run(
+    clip: Clip,
+    configuration: Configuration,
+    folder: ResultFolder,
+    out: str,
+    *,
+    further: Callable[[ClipRun], dict[str, bytes]] = lambda run: {},
+) -> ClipRun:
+    """Segment a long clip (``clips.choice.clip_of``) window by window, and write every file.
+
+    With a ``folder`` of the key ``clips.choice.key_of``, an interrupted run goes on. ``further``
+    gives more files, as in ``write_run``.
+
+    Raises DataError if a frame cannot be read, UsageError if a file cannot be written.
+    """
+    from mssegment.clips.results import write_results
+
+    timings = Timings()
+    with timings.stage("clip"):
+        found = write_results(clip, configuration, folder.path)
+        run = ClipRun(found.document, found.names, timings, found.said)
+        for name, content in further(run).items():
+            write_bytes(str(folder.path / name), content)
+            run.names.append(name)
+    _mark_stale(folder, out, clip.paths)
+    _write_record(run, folder)
+    return run
+
+
 def write_files(
     found: pipeline.Outcome, results: Results, folder: ResultFolder, out: str
 ) -> list[str]:
@@ -104,14 +147,19 @@ def write_files(
             names.append(f"{document.kind}.json")
             write_document(str(folder.path / names[-1]), document)
     names += results.write(str(folder.path))
-    read = {os.path.realpath(frame.path) for frame in found.segmentation.frames}
-    folder.stale += [
-        name for name in recorded_files(out) if os.path.realpath(Path(out) / name) not in read
-    ]
+    _mark_stale(folder, out, [frame.path for frame in found.segmentation.frames])
     return names
 
 
-def _write_record(run: Run, folder: ResultFolder) -> None:
+def _mark_stale(folder: ResultFolder, out: str, paths: Iterable[str]) -> None:
+    """Let the files of an earlier run into ``out`` become stale, but none that was read."""
+    read = {os.path.realpath(path) for path in paths}
+    folder.stale += [
+        name for name in recorded_files(out) if os.path.realpath(Path(out) / name) not in read
+    ]
+
+
+def _write_record(run: Run | ClipRun, folder: ResultFolder) -> None:
     timings = run.timings
     content = {"seconds": timings.seconds, "peak_bytes": timings.peak_bytes, "files": run.names}
     encoded = msgspec.json.format(msgspec.json.encode(content), indent=1) + b"\n"

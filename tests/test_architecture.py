@@ -23,6 +23,7 @@ LAYERS = [
     {"sampling"},
     {
         "segmentation",
+        "sequences",
         "rendering",
         "labelling",
         "masks",
@@ -33,7 +34,7 @@ LAYERS = [
     },
     {"stage_checks"},
     {"pipeline"},
-    {"results"},
+    {"results", "clips"},
     {"runs"},
     {"result"},
     {"batch", "benchmarking", "api"},
@@ -51,6 +52,7 @@ MATHEMATICS = {
     "preprocessing",
     "sampling",
     "segmentation",
+    "sequences",
 }
 FILES = {"cv2", "pathlib", "os", "io", "json", "yaml", "msgspec", "click", "rich"}
 

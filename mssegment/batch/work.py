@@ -9,13 +9,14 @@ from pathlib import Path
 import msgspec
 
 from mssegment.batch.fingerprint import Fingerprint
+from mssegment.clips.choice import clip_of, key_of
 from mssegment.configuration import Configuration, limits_of
 from mssegment.errors import DataError, ExitStatus, MssegmentError, OutputError
 from mssegment.folders import result_folder, sweep
 from mssegment.inputs import limits
 from mssegment.records import BACKGROUND, NOT_JUDGED, OUTLIER, Record
 from mssegment.rendering.report import Report
-from mssegment.runs import Run, open_tracks, write_run
+from mssegment.runs import ClipRun, Run, open_tracks, write_clip_run, write_run
 from mssegment.version import __version__
 
 FACTS = "item.json"
@@ -176,17 +177,54 @@ def read_facts(out: str) -> Facts | None:
 def _run(task: Task) -> Facts:
     made: list[Facts] = []
 
-    def further(run: Run) -> dict[str, bytes]:
-        made.append(_facts(task, run))
-        return {FACTS: msgspec.json.format(msgspec.json.encode(made[0]), indent=1) + b"\n"}
+    def as_file(facts: Facts) -> dict[str, bytes]:
+        made.append(facts)
+        return {FACTS: msgspec.json.format(msgspec.json.encode(facts), indent=1) + b"\n"}
 
-    with (
-        limits.using(limits_of(task.configuration)),
-        result_folder(task.out, replace=True, wait=WAIT) as folder,
-    ):
-        tracks = open_tracks(task.configuration)
-        write_run(task.configuration, tracks, folder, task.out, further=further)
+    with limits.using(limits_of(task.configuration)):
+        clip = clip_of(task.configuration)
+        key = None if clip is None else key_of(clip, task.configuration)
+        with result_folder(task.out, replace=True, wait=WAIT, key=key) as folder:
+            if clip is not None:
+                write_clip_run(
+                    clip,
+                    task.configuration,
+                    folder,
+                    task.out,
+                    further=lambda run: as_file(_facts_of_clip(task, run)),
+                )
+            else:
+                write_run(
+                    task.configuration,
+                    open_tracks(task.configuration),
+                    folder,
+                    task.out,
+                    further=lambda run: as_file(_facts(task, run)),
+                )
     return made[0]
+
+
+def _facts_of_clip(task: Task, run: ClipRun) -> Facts:
+    """The facts of a clip in windows: its objects are the motions."""
+    document = run.document
+    stills = [name for name in run.names if name.startswith("stills/")]
+    return Facts(
+        name=task.name,
+        version=task.version,
+        fingerprint=task.fingerprint.digest,
+        files=task.fingerprint.files,
+        frames=document.frames,
+        tracks=document.tracks,
+        motions=[one.tracks for one in document.objects],
+        outliers=0,
+        background=0,
+        not_judged=0,
+        camera_motion=next((1 for one in document.objects if one.identity == 0), None),
+        misclassification=None,
+        notes=document.notes,
+        page="report.html" if "report.html" in run.names else None,
+        picture=min(stills, default=None),
+    )
 
 
 def _facts(task: Task, run: Run) -> Facts:

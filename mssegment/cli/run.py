@@ -34,6 +34,7 @@ from mssegment.errors import ConfigurationError, UsageError
 from mssegment.inputs import limits
 
 if TYPE_CHECKING:
+    from mssegment.imaging.streams import Clip
     from mssegment.resources import Timings
 
 KEYS = (
@@ -122,6 +123,14 @@ def command(
             "--masks: there are no pictures of these tracks; name those that they were made from "
             "with --images"
         )
+    clip = None
+    if tracks is None:
+        from mssegment.clips.choice import clip_of
+
+        clip = clip_of(configuration)
+    if clip is not None:
+        _run_clip(clip, configuration, out, force, profile, chosen_format(form, console), console)
+        return
     with result_folder(out, replace=force) as folder:
         from mssegment.resources import keep_freed_memory
 
@@ -145,6 +154,38 @@ def command(
     from mssegment.rendering.tables import format_report
 
     put(format_report(run.results.report, chosen_format(form, console)))
+
+
+def _run_clip(
+    clip: Clip,
+    configuration: Configuration,
+    out: str,
+    force: bool,
+    profile: bool,
+    form: str,
+    console: Console,
+) -> None:
+    """Segment a long clip in windows, going on with the windows of an interrupted run."""
+    from mssegment.clips.choice import key_of
+    from mssegment.folders import result_folder
+    from mssegment.rendering.clip_tables import clip_summary, format_clip
+    from mssegment.runs import write_clip_run
+
+    with result_folder(out, replace=force, key=key_of(clip, configuration)) as folder:
+        if folder.resumed:
+            console.note(f"going on with the finished windows in {folder.path}")
+        with console.working("clip"):
+            try:
+                run = write_clip_run(clip, configuration, folder, out)
+            except KeyboardInterrupt:
+                console.note(f"the finished windows are in {folder.path}; the same command goes on")
+                raise
+        console.stage("clip", clip_summary(run.document), run.timings.seconds["clip"])
+        for said in run.said:
+            console.note(said)
+    if profile:
+        print(_profile(run.timings), file=sys.stderr)
+    put(format_clip(run.document, form))
 
 
 def _configuration(

@@ -28,6 +28,7 @@ from mssegment.configuration.settings import (
     MatchSettings,
     ReportSettings,
     SegmentSettings,
+    SequenceSettings,
     Setting,
     check_key,
 )
@@ -49,6 +50,7 @@ __all__ = [
     "MatchSettings",
     "ReportSettings",
     "SegmentSettings",
+    "SequenceSettings",
     "Setting",
     "camera_of",
     "camera_settings",

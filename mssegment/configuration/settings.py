@@ -258,6 +258,26 @@ class SegmentSettings(Section, frozen=True):
     ] = True
 
 
+class SequenceSettings(Section, frozen=True):
+    """Windows of long sequences."""
+
+    window: Annotated[
+        Literal["auto", "none"] | Annotated[int, Meta(ge=3)],
+        Meta(
+            description="Frames of a window of a long sequence, each of which is segmented on its "
+            "own; auto: as long as its tracks last, and one window for at most 100 frames; none: "
+            "one window, whatever the length."
+        ),
+    ] = "auto"
+    overlap: Annotated[
+        Auto | Annotated[int, Meta(ge=1)],
+        Meta(
+            description="Frames that neighbouring windows share, at most half of a window; auto: "
+            "until half of the tracks have ended."
+        ),
+    ] = "auto"
+
+
 class ReportSettings(Section, frozen=True):
     """Tables, pictures and the HTML report."""
 
@@ -346,6 +366,7 @@ class Configuration(Section, frozen=True):
     hypothesize: HypothesizeSettings = HypothesizeSettings()
     cluster: ClusterSettings = ClusterSettings()
     segment: SegmentSettings = SegmentSettings()
+    sequence: SequenceSettings = SequenceSettings()
     report: ReportSettings = ReportSettings()
     limits: LimitSettings = LimitSettings()
 

@@ -41,6 +41,20 @@ def has_pyav() -> bool:
     return importlib.util.find_spec("av") is not None
 
 
+def announced_frames(path: str) -> int:
+    """The number of frames that a video announces, not always rightly; 0 if it is not known."""
+    if not has_pyav():
+        return 0
+    import av
+
+    try:
+        with av.open(path, options={"protocol_whitelist": "file"}) as container:
+            streams = container.streams.video
+            return int(streams[0].frames or 0) if streams else 0
+    except (av.error.FFmpegError, ValueError):
+        return 0  # reading the file says what is wrong
+
+
 def read(path: str, start: int, stop: int | None, step: int) -> Iterator[VideoFrame | End]:
     """Decode every ``step``-th frame from ``start`` to before ``stop``; at last the ``End``.
 

@@ -6,7 +6,7 @@ only a small part of it. They need not be the majority, because their number dep
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import Literal
 
 import numpy as np
@@ -44,6 +44,8 @@ MIN_STATIC_FRAMES = 0.9
 tracker slips."""
 DRIFT_FACTOR, DRIFT_NEIGHBOURS = 2.0, 8
 """See ``_drifting``."""
+LEAST_EARLIER = 8
+"""Tracks of an earlier background that decide whether the camera is still static."""
 GRID_CELLS = 8
 """Cells of the grid along each side of the image."""
 MAX_DISPLACEMENTS = 500
@@ -80,6 +82,7 @@ def find_background(
     frame_size: tuple[int, int],
     remove: bool | Literal["auto"] = "auto",
     min_displacement: float | Literal["auto"] = "auto",
+    earlier: Flags | None = None,
 ) -> Background:
     """Find the tracks that belong to a static background.
 
@@ -96,6 +99,9 @@ def find_background(
         Whether to look for a background; ``auto`` only if the camera is static.
     min_displacement : float or "auto"
         Distance in pixels; ``auto`` is ``MIN_DISPLACEMENT``, or more for noisy matches.
+    earlier : ndarray [P] of bool, optional
+        Tracks that were background in the frames before. If most of them are where they were, the
+        camera is static, even if moving objects now cover most of the picture.
 
     Returns
     -------
@@ -122,6 +128,7 @@ def find_background(
         min_displacement = limits.displacement
     if remove == "auto":
         static, reason = is_static(points, distance, frame_size, limits.static)
+        static = static or _still_static(points, distance, frame_size, earlier, limits.static)
         if not static:
             return Background(status, (f"the camera moves ({reason}): no background removed",))
     visible = np.isfinite(distance).sum(axis=1)
@@ -136,6 +143,32 @@ def find_background(
             "smaller motions are not looked for"
         )
     return Background(status, (note,))
+
+
+def _still_static(
+    points: Floats,
+    distance: Floats,
+    frame_size: Sequence[int],
+    earlier: Flags | None,
+    limit: float,
+) -> bool:
+    """Whether the background of ``earlier`` frames, or of most frames, is static in every frame.
+
+    A moving camera moves all of it. Before a static one, some tracks slip to what covers them.
+    """
+    if earlier is None:
+        return False
+    static = np.asarray(distance < limit)
+    visible = np.isfinite(distance)
+    passed = [not reason for reason in _reasons(points, distance, frame_size, limit)]
+    known = earlier
+    if 2 * sum(passed) > len(passed):
+        rows = np.flatnonzero(np.array([True, *passed]))
+        usable = visible[:, rows].sum(axis=1) > 1
+        known = known | (usable & (static | ~visible)[:, rows].all(axis=1))
+    counts, still = visible[known].sum(axis=0), static[known].sum(axis=0)
+    enough = counts >= LEAST_EARLIER
+    return bool(enough.any() and (still >= MIN_STATIC_SHARE * counts)[enough].all())
 
 
 class _Limits(Record, frozen=True):
@@ -255,20 +288,28 @@ def is_static(
     points: Floats, distance: Floats, frame_size: Sequence[int], limit: float = STATIC_DISTANCE
 ) -> tuple[bool, str]:
     """Whether the camera is static in every frame; otherwise the reason why not."""
+    reason = next(filter(None, _reasons(points, distance, frame_size, limit)), "")
+    return not reason, reason
+
+
+def _reasons(
+    points: Floats, distance: Floats, frame_size: Sequence[int], limit: float
+) -> Iterator[str]:
+    """Why the camera seems to move between the first and each later frame; empty if it does not."""
     for frame in range(1, points.shape[1]):
         # not the tracks that begin in this frame
         usable = np.isfinite(distance[:, frame]) & np.isfinite(distance[:, :frame]).any(axis=1)
         if not usable.any():
+            yield ""
             continue
         static = np.asarray(distance[usable, frame] < limit)
         share = float(static.mean())
         if share < MIN_STATIC_SHARE:
-            reason = f"{100 * share:.0f} % of the tracks are static over frames 1-{frame + 1}"
-            return False, reason
+            yield f"{100 * share:.0f} % of the tracks are static over frames 1-{frame + 1}"
+            continue
         covered = _cells_covered(points[usable, frame], static, frame_size)
-        if covered < MIN_STATIC_CELLS:
-            return False, f"the static tracks cover only {100 * covered:.0f} % of the image"
-    return True, ""
+        few = f"the static tracks cover only {100 * covered:.0f} % of the image"
+        yield few if covered < MIN_STATIC_CELLS else ""
 
 
 def _cells_covered(points: Floats, static: Flags, frame_size: Sequence[int]) -> float:

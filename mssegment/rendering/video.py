@@ -172,14 +172,18 @@ def _visible_parts(tracks: Floats) -> Iterator[Floats]:
 def _write_mp4(report: Report, repeated: int, rate: Fraction, path: Path) -> str:
     """Write the frames some times over; what they are encoded as."""
     kept = list(video_frames(report)) if repeated > 1 else None
-    source = iter(kept * repeated) if kept else video_frames(report)
+    return write_stream(iter(kept * repeated) if kept else video_frames(report), rate, path)
+
+
+def write_stream(frames: Iterator[Picture], rate: Fraction, path: Path) -> str:
+    """Write frames of one size with even sides to an MP4; what they are encoded as."""
     encoder = h264.encoder()
     if encoder is not None:
-        h264.write_h264(source, rate, path, encoder)
+        h264.write_h264(frames, rate, path, encoder)
         return "H.264"
     writer, codec = None, ""
     with quiet():
-        for picture in source:
+        for picture in frames:
             if writer is None:
                 writer, codec = _mp4_writer(path, float(rate), picture)
             writer.write(picture)

@@ -105,7 +105,7 @@ def match(
         apart = select_apart(ends, distance / 2)
         tracks[live[apart], frame] = ends[apart]
         if renew and frame < count - 1:
-            fresh = _far_from(corners[frame].points, ends[apart], distance)
+            fresh = far_from(corners[frame].points, ends[apart], distance)
             tracks = np.concatenate([tracks, _start(fresh, count, frame)])
         before = change.undo(picture)
     length = np.isfinite(tracks[..., 0]).sum(axis=1)
@@ -124,7 +124,7 @@ def _start(points: Floats, count: int, frame: int) -> Floats:
     return tracks
 
 
-def _far_from(points: Floats, others: Floats, distance: float) -> Floats:
+def far_from(points: Floats, others: Floats, distance: float) -> Floats:
     """The points that have none of ``others`` within ``distance``."""
     if not len(points) or not len(others):
         return points

@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import cv2
 import numpy as np
+import numpy.typing as npt
 
 from mssegment.imaging.matching.resampling import MAX_REMAP_ROWS, window_grid
 from mssegment.imaging.pictures import GreyPicture
 from mssegment.records import Floats, Record
+
+Bytes = npt.NDArray[np.uint8]
 
 STATISTICS_SIDE = 9
 """Side in pixels of the windows whose mean and standard deviation are compared."""
@@ -51,7 +54,7 @@ class PhotometricChange(Record, frozen=True):
         return abs(self.gain - 1) > NOTICEABLE_GAIN or abs(self.offset) > NOTICEABLE_OFFSET
 
 
-def stretched_contrast(picture: GreyPicture) -> PhotometricChange:
+def stretched_contrast(picture: GreyPicture | Bytes) -> PhotometricChange:
     """The change that spreads a first frame of low contrast over more grey values when undone."""
     low, high = float(picture.min()), float(picture.max())
     if high - low >= LOW_CONTRAST_RANGE or high <= low:
@@ -72,7 +75,7 @@ def abrupt_change(before: GreyPicture, after: GreyPicture) -> PhotometricChange:
 
 
 def change_along_tracks(
-    before: GreyPicture, after: GreyPicture, starts: Floats, ends: Floats
+    before: GreyPicture | Bytes, after: GreyPicture | Bytes, starts: Floats, ends: Floats
 ) -> PhotometricChange:
     """Median gain and offset between windows around tracked points.
 
@@ -81,7 +84,7 @@ def change_along_tracks(
 
     Parameters
     ----------
-    before, after : float32 array [height, width]
+    before, after : float32 or uint8 array [height, width]
         Consecutive frames.
     starts, ends : float array [n, 2]
         Positions of the tracks in the two frames, pixels.
@@ -100,7 +103,7 @@ def change_along_tracks(
     return PhotometricChange(gain, float(np.median(mean2[textured] - gain * mean1[textured])))
 
 
-def _statistics(picture: GreyPicture, points: Floats) -> tuple[Floats, Floats]:
+def _statistics(picture: GreyPicture | Bytes, points: Floats) -> tuple[Floats, Floats]:
     """Mean and standard deviation of the window around each point."""
     offsets = window_grid(STATISTICS_SIDE, 1.0)
     x, y = points.astype(np.float32).T[:, :, None]

@@ -1,0 +1,1 @@
+"""Long clips: frames are read once, and segmented window by window, in bounded memory."""

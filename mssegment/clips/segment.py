@@ -1,0 +1,133 @@
+"""One window of a long sequence: its motions, and one label for every track."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import numpy.typing as npt
+
+from mssegment import pipeline
+from mssegment.configuration import Configuration
+from mssegment.documents import SegmentationDocument, TracksDocument
+from mssegment.errors import DataError
+from mssegment.history import entry_of
+from mssegment.records import (
+    BACKGROUND,
+    NOT_JUDGED,
+    Camera,
+    Floats,
+    Frame,
+    Integers,
+    Motion,
+    Record,
+    Strategy,
+    Tracks,
+    replace,
+)
+from mssegment.sequences.parts import coherent, join_parts
+from mssegment.sequences.short_tracks import label_short_tracks
+
+LEAST_LENGTH = 3
+"""Frames of a window in which a track is visible to be segmented, as in ``matching.klt``."""
+
+
+class SegmentedWindow(Record, frozen=True):
+    """The segmentation of one window.
+
+    Attributes
+    ----------
+    labels : ndarray [P] of int64
+        1..m for a motion, 0 outlier, -1 background, -2 not judged.
+    motions : tuple of Motion
+        The motions, label 1 first; that of an object in several parts is the motion of the largest.
+    camera_motion : int or None
+        The label of the motion of the static world.
+    is_static : bool
+        Whether the camera is static.
+    strategy : str or None
+        How the motions were found; None where nothing moves.
+    notes : tuple of str
+        What was decided, and what could not be.
+    """
+
+    labels: Integers
+    motions: tuple[Motion, ...] = ()
+    camera_motion: int | None = None
+    is_static: bool = False
+    strategy: Strategy | None = None
+    notes: tuple[str, ...] = ()
+
+
+def segment_window(
+    points: Floats,
+    frames: Sequence[Frame],
+    configuration: Configuration,
+    *,
+    earlier_background: npt.NDArray[np.bool_],
+    camera: Camera | None = None,
+) -> SegmentedWindow:
+    """Segment the tracks of one window like a clip of its length.
+
+    Parameters
+    ----------
+    points : ndarray [P, L, 2]
+        Tracks in pixels, NaN where a point is not visible.
+    frames : sequence of Frame
+        The L frames.
+    configuration : Configuration
+        The settings.
+    earlier_background : ndarray [P] of bool
+        Tracks that were background in the window before.
+    camera : Camera, optional
+        The camera of the tracks, where the configuration has none.
+
+    Returns
+    -------
+    SegmentedWindow
+        Without motions, and with a note, where there are too few tracks.
+    """
+    visible = np.isfinite(points).all(axis=2).sum(axis=1)
+    long_enough = np.flatnonzero(visible >= min(LEAST_LENGTH, points.shape[1]))
+    labels = np.full(len(points), NOT_JUDGED, dtype=np.int64)
+    document = TracksDocument(
+        frames=list(frames),
+        camera=camera,
+        tracks=Tracks(points=points[long_enough]),
+        history=[entry_of("detect", configuration)],
+    )
+    try:
+        found = _segment(document, configuration, earlier_background[long_enough])
+    except DataError as error:
+        return SegmentedWindow(labels, notes=(f"no motions: {error}",))
+    labels[long_enough] = found.labels
+    notes = [note for entry in found.history[1:] for note in entry.notes]
+    is_static = bool((found.labels == BACKGROUND).any())
+    objects = labels
+    if is_static:
+        objects = join_parts(points, coherent(points, labels))
+    return SegmentedWindow(
+        labels=label_short_tracks(points, objects),
+        motions=_motions(found.motions, labels, objects),
+        camera_motion=found.camera_motion,
+        is_static=is_static,
+        strategy=found.strategy if found.motions else None,
+        notes=tuple(dict.fromkeys(notes)),
+    )
+
+
+def _motions(motions: Sequence[Motion], labels: Integers, objects: Integers) -> tuple[Motion, ...]:
+    """The motion of each object: that of its largest part, with the label of the object."""
+    found = []
+    for number in range(1, int(objects.max(initial=0)) + 1):
+        largest = int(np.bincount(labels[objects == number]).argmax())
+        motion = motions[largest - 1]
+        found.append(replace(motion, label=number, inliers=np.flatnonzero(objects == number)))
+    return tuple(found)
+
+
+def _segment(
+    document: TracksDocument, configuration: Configuration, earlier: npt.NDArray[np.bool_]
+) -> SegmentationDocument:
+    drawn = pipeline.hypothesize(document, configuration, earlier)
+    return pipeline.cluster(drawn, configuration)

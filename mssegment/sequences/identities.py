@@ -1,0 +1,263 @@
+"""Identities: which motions of the windows of a sequence are one object.
+
+A motion continues the object whose tracks it shares. The assignment of motions to objects is the
+one-to-one assignment with the most shared tracks, every track voting for what it has been in all
+earlier windows; so an object that was joined to another one for a while, or stood still, gets its
+identity back. A motion that shares too little is new, split from another one, or a hidden object
+that appears again (``reappearance``).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from scipy.optimize import linear_sum_assignment
+
+from mssegment.records import (
+    BACKGROUND,
+    NOT_JUDGED,
+    OUTLIER,
+    Floats,
+    Integers,
+    Record,
+    State,
+    field,
+    replace,
+)
+from mssegment.sequences.history import STATIC_WORLD, TrackHistory, vote_table
+from mssegment.sequences.reappearance import Sight, reappeared, sight
+
+Votes = Mapping[int, float]
+
+LEAST_VOTES = 3.0
+"""Tracks that a motion must share with an object: as many as determine an affine motion."""
+LEAST_SHARE = 0.5
+"""Least share of common tracks among those of the object that go on and those of the motion that
+are not new: the geometric mean of both shares. Half of the tracks are then the same."""
+
+
+class WindowLabels(Record, frozen=True):
+    """The segmentation of one window.
+
+    Attributes
+    ----------
+    start : int
+        The number of its first frame.
+    tracks : ndarray [P] of int64
+        The numbers that the tracks have in all windows.
+    points : ndarray [P, L, 2]
+        Their positions in pixels, NaN where a point is not visible.
+    labels : ndarray [P] of int64
+        1..m for a motion, ``OUTLIER``, ``BACKGROUND`` or ``NOT_JUDGED``.
+    camera_motion : int or None
+        The label that seems to be the motion of the static world.
+    """
+
+    start: int
+    tracks: Integers
+    points: Floats
+    labels: Integers
+    camera_motion: int | None = None
+
+    @property
+    def motions(self) -> int:
+        """The number of motions."""
+        return int(self.labels.max(initial=0))
+
+
+class WindowIdentities(Record, frozen=True):
+    """What the motions of a window are.
+
+    Attributes
+    ----------
+    motions : tuple of int
+        The identity of each motion, label 1 first; ``STATIC_WORLD`` for that of the camera.
+    tracks : ndarray [P] of int64
+        The identity of each track; -1 for none.
+    resting : tuple of int
+        The objects that stand still in this window.
+    origins : dict
+        For objects that begin by a split, the object that they were part of.
+    merged : dict
+        For objects whose tracks are now of another object, that object.
+    """
+
+    motions: tuple[int, ...]
+    tracks: Integers
+    resting: tuple[int, ...] = ()
+    origins: dict[int, int] = field(default_factory=dict)
+    merged: dict[int, int] = field(default_factory=dict)
+
+
+class IdentityTracker(State):
+    """Joins windows, in their order.
+
+    Attributes
+    ----------
+    size : tuple of int
+        Width and height of the picture.
+    history : TrackHistory
+        What the tracks have been.
+    objects : int
+        The number of objects so far; they are numbered from 1.
+    lost, last_sights : dict
+        The last sight of each object that is not in the last window, and of those that are.
+    first_frames : dict
+        The first frame of the first window of each of them.
+    """
+
+    size: tuple[int, int]
+    history: TrackHistory = field(default_factory=TrackHistory.empty)
+    objects: int = 0
+    lost: dict[int, Sight] = field(default_factory=dict)
+    last_sights: dict[int, Sight] = field(default_factory=dict)
+    first_frames: dict[int, int] = field(default_factory=dict)
+
+    def add(self, window: WindowLabels) -> WindowIdentities:
+        """The identities of the next window."""
+        own = [np.flatnonzero(window.labels == j + 1) for j in range(window.motions)]
+        votes = [self.history.votes(window.tracks[rows]) for rows in own]
+        camera = self._camera(window, votes)
+        moving = [j for j in range(window.motions) if j != camera]
+        identity = dict.fromkeys(moving, 0) | ({camera: STATIC_WORLD} if camera is not None else {})
+        usual = self.history.usual(window.tracks)
+        continued = self._continued([votes[j] for j in moving], usual)
+        identity |= {moving[row]: known for row, known in continued.items()}
+        new = [j for j in moving if not identity[j]]
+        first = {j: sight(window.points[own[j]], window.start, first=True) for j in new}
+        identity |= self._again(first, set(identity.values()))
+        origins = {}
+        for j in new:
+            if not identity[j]:
+                self.objects += 1
+                identity[j] = self.objects
+                parent = _parent(votes[j])
+                if parent is not None:
+                    origins[self.objects] = parent
+        present = set(identity.values())
+        tracks, resting = self._of_tracks(window, own, identity, usual, present)
+        merged = _merged(window, tracks, usual, present | set(resting))
+        self._remember(window, own, identity, resting, merged)
+        self.history.record(window.tracks, tracks)
+        return WindowIdentities(
+            tuple(identity[j] for j in range(window.motions)), tracks, resting, origins, merged
+        )
+
+    def _camera(self, window: WindowLabels, votes: Sequence[Votes]) -> int | None:
+        """The index of the motion of the static world: that of most tracks that were of it.
+
+        Before a static camera there is none; without such tracks, the one that looks like it.
+        """
+        if (window.labels == BACKGROUND).any():
+            return None
+        share = [own.get(STATIC_WORLD, 0.0) for own in votes]
+        if sum(share) >= LEAST_VOTES:
+            return int(np.argmax(share))
+        return None if window.camera_motion is None else window.camera_motion - 1
+
+    def _continued(self, votes: Sequence[Votes], usual: Integers) -> dict[int, int]:
+        """The known objects that motions continue: by row of ``votes``."""
+        known = np.array(
+            sorted({i for own in votes for i in own if i != STATIC_WORLD}), dtype=np.int64
+        )
+        if not len(known):
+            return {}
+        table = vote_table(votes, known)
+        going_on = np.array([(usual == identity).sum() for identity in known])
+        not_new = np.array([sum(own.values()) for own in votes])
+        share = table / np.sqrt(np.maximum(going_on * not_new[:, None], 1e-9))
+        allowed = (table >= LEAST_VOTES) & (share >= LEAST_SHARE)
+        rows, columns = linear_sum_assignment(-np.where(allowed, table, 0.0))
+        return {int(i): int(known[k]) for i, k in zip(rows, columns, strict=True) if allowed[i, k]}
+
+    def _again(self, first: dict[int, Sight | None], present: set[int]) -> dict[int, int]:
+        """The hidden objects that appear again, by motion."""
+        motions = [j for j, one in first.items() if one is not None]
+        lost = [identity for identity in sorted(self.lost) if identity not in present]
+        pairs = reappeared(
+            [self.lost[identity] for identity in lost],
+            [one for one in first.values() if one is not None],
+            self.size,
+        )
+        return {motions[j]: lost[i] for i, j in pairs}
+
+    def _of_tracks(
+        self,
+        window: WindowLabels,
+        own: list[Integers],
+        identity: dict[int, int],
+        usual: Integers,
+        present: set[int],
+    ) -> tuple[Integers, tuple[int, ...]]:
+        """The identity of each track, and the objects that rest.
+
+        An object that moves nowhere in the window rests if most of its tracks that go on are of
+        the static world, or of nothing that moves as one.
+        """
+        static = window.labels == BACKGROUND
+        for j, rows in enumerate(own):
+            if identity[j] == STATIC_WORLD:
+                static[rows] = True
+        tracks = np.full(len(window.tracks), -1, dtype=np.int64)
+        tracks[static] = STATIC_WORLD
+        for j, rows in enumerate(own):
+            tracks[rows] = identity[j]
+        still_or_none = static | (window.labels == OUTLIER)
+        resting = []
+        for known in np.unique(usual[usual > STATIC_WORLD]).tolist():
+            of_object = usual == known
+            still = of_object & still_or_none
+            if known not in present and still.sum() >= max(LEAST_VOTES, of_object.sum() / 2):
+                tracks[still] = known
+                resting.append(known)
+        return tracks, tuple(resting)
+
+    def _remember(
+        self,
+        window: WindowLabels,
+        own: list[Integers],
+        identity: dict[int, int],
+        resting: tuple[int, ...],
+        merged: Mapping[int, int],
+    ) -> None:
+        """Update the last sights. An object that was merged is not hidden: its tracks go on."""
+        seen = {identity[j]: rows for j, rows in enumerate(own) if identity[j] != STATIC_WORLD}
+        self.lost |= {k: v for k, v in self.last_sights.items() if k not in seen}
+        self.lost = {k: v for k, v in self.lost.items() if window.start - v.frame <= v.seen}
+        for known in (*seen, *resting, *merged):
+            self.lost.pop(known, None)
+        kept = {k: v for k, v in self.last_sights.items() if k in resting}
+        for known, rows in seen.items():
+            last = sight(window.points[rows], window.start, first=False)
+            if last is not None:
+                first = self.first_frames.setdefault(known, window.start)
+                kept[known] = replace(last, seen=last.frame - first)
+        self.last_sights = kept
+        known_still = {**kept, **self.lost}
+        self.first_frames = {k: v for k, v in self.first_frames.items() if k in known_still}
+
+
+def _parent(votes: Votes) -> int | None:
+    """The object of which most tracks of a new motion were, if any."""
+    moving = {i: count for i, count in votes.items() if i != STATIC_WORLD}
+    if not moving:
+        return None
+    best = max(moving, key=lambda i: (moving[i], -i))
+    enough = moving[best] >= max(LEAST_VOTES, sum(votes.values()) / 2)
+    return best if enough else None
+
+
+def _merged(
+    window: WindowLabels, tracks: Integers, usual: Integers, present: set[int]
+) -> dict[int, int]:
+    """The objects that are not present, whose tracks are now of another object."""
+    found = {}
+    for known in np.unique(usual[usual > STATIC_WORLD]).tolist():
+        if known in present:
+            continue
+        now = tracks[(usual == known) & (window.labels != NOT_JUDGED)]
+        moving = now[now > STATIC_WORLD]
+        if len(moving) >= max(LEAST_VOTES, len(now) / 2):
+            found[known] = int(np.bincount(moving).argmax())
+    return found

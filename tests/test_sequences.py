@@ -1,0 +1,254 @@
+"""Windows of long sequences, and the identities of motions through them."""
+
+from __future__ import annotations
+
+import itertools
+
+import numpy as np
+import pytest
+
+from mssegment.records import BACKGROUND, NOT_JUDGED, OUTLIER, Floats, Integers
+from mssegment.sequences.identities import IdentityTracker, WindowIdentities, WindowLabels
+from mssegment.sequences.lifetimes import (
+    LONGEST_WINDOW,
+    WindowLimits,
+    plan_windows,
+    rates_of_endings,
+)
+from mssegment.sequences.parts import coherent, join_parts
+from mssegment.sequences.reappearance import Sight, reappeared
+from mssegment.sequences.short_tracks import label_short_tracks
+
+SIZE = (640, 480)
+
+
+def mortal_tracks(rng: np.random.Generator, frames: int, rate: float, count: int = 60) -> Floats:
+    """Tracks that move 3 pixels a frame; each ends with probability ``rate`` and is replaced."""
+    rows = []
+    for _ in range(count):
+        first = 0
+        while first < frames:
+            life = int(rng.geometric(rate)) + 1
+            track = np.full((frames, 2), np.nan)
+            steps = np.arange(min(life, frames - first))
+            track[first : first + life] = rng.uniform(0, 400, 2) + 3.0 * steps[:, None]
+            rows.append(track)
+            first += life
+    return np.array(rows)
+
+
+class TestLifetimes:
+    def test_windows_cover_all_frames_and_overlap(self) -> None:
+        points = mortal_tracks(np.random.default_rng(0), 260, 0.05)
+        windows = plan_windows(points, WindowLimits())
+        assert windows[0][0] == 0
+        assert windows[-1][1] == 260
+        for (first, stop), (following, _) in itertools.pairwise(windows):
+            assert first < following < stop
+
+    def test_a_sequence_of_100_frames_is_one_window_unless_asked(self) -> None:
+        points = mortal_tracks(np.random.default_rng(0), LONGEST_WINDOW, 0.2)
+        assert plan_windows(points, WindowLimits()) == [(0, 100)]
+        assert plan_windows(points, WindowLimits(40, 10)) == [(0, 40), (30, 70), (60, 100)]
+
+    def test_windows_are_as_long_as_tracks_last(self) -> None:
+        rng = np.random.default_rng(1)
+        for rate in (0.03, 0.06, 0.1):
+            points = mortal_tracks(rng, 400, rate)
+            lengths = [stop - start for start, stop in plan_windows(points, WindowLimits())][:-1]
+            assert 0.7 < np.mean(lengths) * rate / 2 < 1.4
+
+    def test_static_tracks_do_not_count(self) -> None:
+        points = mortal_tracks(np.random.default_rng(2), 300, 0.06)
+        for_ever = np.repeat(np.random.default_rng(3).uniform(0, 400, (500, 1, 2)), 300, axis=1)
+        both = np.concatenate([for_ever, points])
+        np.testing.assert_array_equal(rates_of_endings(both), rates_of_endings(points))
+
+    def test_the_order_of_the_tracks_does_not_matter(self) -> None:
+        rng = np.random.default_rng(4)
+        points = mortal_tracks(rng, 300, 0.05)
+        mixed = points[rng.permutation(len(points))]
+        assert plan_windows(mixed, WindowLimits()) == plan_windows(points, WindowLimits())
+
+
+class Scene:
+    """Objects of 20 tracks each, whose labels in each window are given."""
+
+    def __init__(self, order: Integers | None = None) -> None:
+        self.tracker = IdentityTracker(SIZE)
+        self.order = order
+
+    def add(
+        self, start: int, groups: dict[int, int], camera: int | None = None, length: int = 20
+    ) -> WindowIdentities:
+        """``groups``: the label of each object; object k has tracks 100 k to 100 k + 19."""
+        tracks = np.concatenate([100 * k + np.arange(20) for k in groups])
+        labels = np.repeat(list(groups.values()), 20)
+        steps = np.arange(start, start + length)
+        speed = np.array([[2.0, 0.0], [-2.0, 0.5]])
+        points = np.stack(
+            [
+                np.array([50.0 + 40 * (t // 100), 10.0 + 10 * (t % 20)])
+                + steps[:, None] * speed[(t // 100) % 2]
+                for t in tracks
+            ]
+        )
+        order = np.arange(len(tracks)) if self.order is None else self.order[: len(tracks)]
+        order = order[order < len(tracks)]
+        return self.tracker.add(
+            WindowLabels(start, tracks[order], points[order], labels[order], camera)
+        )
+
+
+class TestIdentities:
+    def test_one_window_has_the_labels_as_identities(self) -> None:
+        found = Scene().add(0, {1: 1, 2: 2, 3: 3})
+        assert found.motions == (1, 2, 3)
+
+    def test_labels_that_change_places_keep_their_identities(self) -> None:
+        scene = Scene()
+        assert scene.add(0, {1: 1, 2: 2}).motions == (1, 2)
+        assert scene.add(15, {1: 2, 2: 1}).motions == (2, 1)
+        assert scene.add(30, {1: 2, 2: 1, 3: 3}).motions == (2, 1, 3)
+
+    def test_an_object_that_rests_keeps_its_identity(self) -> None:
+        scene = Scene()
+        scene.add(0, {1: 1, 2: 2, 9: BACKGROUND})
+        rests = scene.add(15, {1: BACKGROUND, 2: 1, 9: BACKGROUND})
+        assert rests.motions == (2,)
+        assert rests.resting == (1,)
+        assert (rests.tracks[:20] == 1).all()
+        assert (rests.tracks[-20:] == 0).all()
+        assert scene.add(30, {1: 1, 2: 2, 9: BACKGROUND}).motions == (1, 2)
+
+    def test_objects_that_were_joined_for_a_while_get_their_identities_back(self) -> None:
+        scene = Scene()
+        scene.add(0, {1: 1, 2: 2})
+        together = scene.add(15, {1: 1, 2: 1})
+        assert len(together.motions) == 1
+        assert scene.add(30, {1: 1, 2: 2}).motions == (1, 2)
+
+    def test_a_split_says_what_it_was_part_of(self) -> None:
+        scene = Scene()
+        scene.add(0, {1: 1, 2: 1})
+        apart = scene.add(15, {1: 1, 2: 2})
+        assert apart.motions == (1, 2)
+        assert apart.origins == {2: 1}
+
+    def test_a_merge_says_into_what(self) -> None:
+        scene = Scene()
+        scene.add(0, {1: 1, 2: 2})
+        scene.add(15, {1: 1, 2: 2})
+        assert scene.add(30, {1: 1, 2: 1}).merged == {2: 1}
+
+    def test_the_camera_has_one_identity(self) -> None:
+        scene = Scene()
+        assert scene.add(0, {1: 1, 2: 2}, camera=1).motions == (0, 1)
+        # whatever looks like the camera later, its tracks tell which motion it is
+        assert scene.add(15, {1: 1, 2: 2}, camera=2).motions == (0, 1)
+
+    def test_an_object_without_common_tracks_is_new(self) -> None:
+        scene = Scene()
+        scene.add(0, {1: 1})
+        assert scene.add(15, {4: 1}).motions == (2,)
+
+    def test_the_order_of_the_tracks_does_not_matter(self) -> None:
+        windows = [{1: 1, 2: 2, 3: 3}, {1: 2, 2: 1, 3: 1}, {2: 1, 3: 2, 4: 3}]
+        order = np.random.default_rng(0).permutation(60)
+        plain, mixed = Scene(), Scene(order)
+        for number, groups in enumerate(windows):
+            one, other = (scene.add(15 * number, groups) for scene in (plain, mixed))
+            assert one.motions == other.motions
+            assert one.merged == other.merged
+            np.testing.assert_array_equal(one.tracks[order[: len(one.tracks)]], other.tracks)
+
+
+class TestReappearance:
+    lost = Sight(100, (200.0, 200.0), (4.0, 0.0), seen=60)
+
+    @pytest.mark.parametrize(
+        ("again", "is_same"),
+        [
+            (Sight(130, (322.0, 203.0), (4.1, 0.0)), True),
+            (Sight(130, (322.0, 203.0), (-4.0, 0.0)), False),  # the other way
+            (Sight(130, (500.0, 400.0), (4.1, 0.0)), False),  # elsewhere
+            (Sight(90, (160.0, 200.0), (4.0, 0.0)), False),  # at the same time
+            (Sight(190, (560.0, 200.0), (4.0, 0.0)), False),  # later than it was ever seen
+        ],
+    )
+    def test_it_is_where_it_was_going(self, again: Sight, is_same: bool) -> None:
+        assert bool(reappeared([self.lost], [again], SIZE)) is is_same
+
+    def test_what_left_the_picture_does_not_come_back(self) -> None:
+        leaving = Sight(100, (630.0, 200.0), (4.0, 0.0), seen=60)
+        assert not reappeared([leaving], [Sight(110, (630.0, 200.0), (4.0, 0.0))], SIZE)
+
+
+def block(centre: tuple[float, float], velocity: tuple[float, float], frames: int = 20) -> Floats:
+    """A grid of 25 tracks, 40 pixels wide."""
+    grid = np.stack(np.meshgrid(*2 * [np.linspace(-20, 20, 5)]), axis=-1).reshape(-1, 1, 2)
+    return grid + np.array(centre) + np.arange(frames)[:, None] * np.array(velocity)
+
+
+def parts(*others: Floats) -> tuple[Floats, Integers]:
+    """Groups 1, 2, ... among static tracks, a pixel of noise less than a tenth."""
+    rng = np.random.default_rng(0)
+    static = np.repeat(rng.uniform(0, 600, (400, 1, 2)), others[0].shape[1], axis=1)
+    # nothing static is seen through an object
+    hidden = np.any(
+        [np.abs(static[:, :1] - o.mean(axis=(0, 1))).max(axis=(1, 2)) < 110 for o in others], axis=0
+    )
+    static = static[~hidden]
+    labels = np.concatenate([np.full(25, i + 1) for i in range(len(others))])
+    points = np.concatenate([*others, static])
+    points = points + rng.normal(0, 0.05, points.shape)
+    return points, np.concatenate([labels, np.full(len(static), BACKGROUND)])
+
+
+class TestParts:
+    def test_parts_that_move_alike_are_one_object(self) -> None:
+        points, labels = parts(block((200, 200), (5, 0)), block((260, 200), (5.5, 0)))
+        assert set(join_parts(points, labels)[:50]) == {1}
+
+    def test_neighbours_that_move_differently_are_two(self) -> None:
+        points, labels = parts(block((200, 200), (5, 0)), block((260, 200), (2, 1)))
+        np.testing.assert_array_equal(join_parts(points, labels), labels)
+
+    def test_what_has_static_tracks_between_is_two(self) -> None:
+        points, labels = parts(block((200, 200), (5, 0)), block((290, 200), (5, 0)))
+        between = np.repeat(
+            np.array([[[x, y]] for x in range(225, 420, 5) for y in range(180, 222, 4)], float),
+            20,
+            axis=1,
+        )
+        more = np.concatenate([points, between])
+        found = join_parts(more, np.append(labels, np.full(len(between), BACKGROUND)))
+        assert set(found[:50]) == {1, 2}
+
+    def test_tracks_that_move_one_after_the_other_are_no_object(self) -> None:
+        points, labels = parts(block((200, 200), (5, 0)), block((400, 400), (0, 0)))
+        for number, track in enumerate(np.flatnonzero(labels == 2)):
+            begin = (7 * number) % 20  # dragged along by 6 pixels, each at its own time
+            points[track, :, 0] += np.clip(np.arange(20) - begin, 0, 3) * 2
+        found = coherent(points, labels)
+        assert set(found[labels == 2]) == {OUTLIER}
+        assert set(found[labels == 1]) == {1}
+
+    def test_objects_that_turn_or_stop_are_coherent(self) -> None:
+        angle = 0.05 * np.arange(20)
+        turn = np.stack([np.cos(angle), -np.sin(angle), np.sin(angle), np.cos(angle)], axis=-1)
+        turning = np.einsum("fij,pj->pfi", turn.reshape(20, 2, 2), block((0, 0), (0, 0))[:, 0])
+        stopping = block((400, 100), (0, 0)) + np.minimum(np.arange(20), 10)[:, None] * 2.0
+        points, labels = parts(turning + 300, stopping)
+        np.testing.assert_array_equal(coherent(points, labels), labels)
+
+
+def test_short_tracks_are_labelled_like_those_that_move_with_them() -> None:
+    points, labels = parts(block((200, 200), (5, 0)), block((300, 300), (0, 4)))
+    truth, short = labels.copy(), [3, 30, 60]
+    for track in short:
+        points[track, 4:] = np.nan
+        labels[track] = NOT_JUDGED
+    np.testing.assert_array_equal(label_short_tracks(points, labels)[short], truth[short])
+    points[3, :4] += np.arange(4)[:, None] * np.array([-7.0, 3.0])  # moves like nothing else
+    assert label_short_tracks(points, labels)[3] == NOT_JUDGED
