@@ -14,6 +14,7 @@ import msgspec
 import numpy as np
 import numpy.typing as npt
 
+from mssegment.blas import with_one_thread
 from mssegment.configuration import Configuration, camera_of
 from mssegment.documents import (
     STANDARD,
@@ -111,6 +112,7 @@ def put_on_pictures(document: TracksDocument, source: FrameSource) -> TracksDocu
     return msgspec.structs.replace(document, frames=frames, history=history)
 
 
+@with_one_thread
 def detect(configuration: Configuration, source: FrameSource) -> CornersDocument:
     """Stage 1: detect corners in every frame."""
     from mssegment.imaging.corners import QUALITY, detect_all
@@ -131,6 +133,7 @@ def detect(configuration: Configuration, source: FrameSource) -> CornersDocument
     )
 
 
+@with_one_thread
 def match(
     document: CornersDocument, configuration: Configuration, source: FrameSource | None = None
 ) -> TracksDocument:
@@ -172,6 +175,7 @@ def match(
     )
 
 
+@with_one_thread
 def hypothesize(
     document: TracksDocument,
     configuration: Configuration,
@@ -248,6 +252,7 @@ def hypothesize(
     )
 
 
+@with_one_thread
 def cluster(
     document: HypothesesDocument, configuration: Configuration, threads: int = 1
 ) -> SegmentationDocument:

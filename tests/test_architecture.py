@@ -15,7 +15,7 @@ from mssegment.registry import EVIDENCE, MODELS
 ROOT = Path(mssegment.__file__).parent
 LAYERS = [
     {"records", "errors", "plugins", "registry", "version", "progress"},
-    {"inputs", "neighbours", "resources", "special"},
+    {"blas", "inputs", "neighbours", "resources", "special"},
     {"manifolds", "geometry"},
     {"models", "evaluation"},
     {"meanshift", "imaging", "datasets", "cameras", "annotations", "documents", "configuration"},

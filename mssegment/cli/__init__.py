@@ -22,9 +22,11 @@ from mssegment.inputs.text import printable
 from mssegment.version import __version__
 
 # The matrix products are small: two BLAS threads make them several times slower, and the last bits
-# of the results would depend on the number of threads. Read when numpy is imported.
-for _name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
-    os.environ.setdefault(_name, "1")
+# of the results would depend on the number of threads, so what the environment says does not count.
+# Read when numpy is imported.
+os.environ.update(
+    dict.fromkeys(("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"), "1")
+)
 
 COMMANDS: dict[str, str] = {
     "run": "Run all stages and write the results to a folder.",

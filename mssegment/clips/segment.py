@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from mssegment import pipeline
+from mssegment.blas import with_one_thread
 from mssegment.configuration import Configuration
 from mssegment.documents import SegmentationDocument, TracksDocument
 from mssegment.errors import DataError
@@ -59,6 +60,7 @@ class SegmentedWindow(Record, frozen=True):
     notes: tuple[str, ...] = ()
 
 
+@with_one_thread
 def segment_window(
     points: Floats,
     frames: Sequence[Frame],

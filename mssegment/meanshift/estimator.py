@@ -14,6 +14,7 @@ from typing import Any, Self
 import numpy as np
 import numpy.typing as npt
 
+from mssegment.blas import with_one_thread
 from mssegment.errors import ConfigurationError, DataError
 from mssegment.manifolds import MANIFOLDS, Manifold, from_name
 from mssegment.meanshift.bandwidth import auto_bandwidth, neighbour_distances
@@ -179,6 +180,7 @@ class MeanShift(Parameters):
         """The modes, ``cluster_centers_``."""
         return self.cluster_centers_
 
+    @with_one_thread
     def fit(self, X: npt.ArrayLike, y: Any = None, sample_weight: Any = None) -> Self:
         """Cluster the points.
 

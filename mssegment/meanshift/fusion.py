@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from mssegment.blas import with_one_thread
 from mssegment.errors import DataError
 from mssegment.manifolds import Manifold, MatrixGroup
 from mssegment.meanshift.bandwidth import AUTO_FRACTION, AUTO_SHARE, neighbour_distances
@@ -78,6 +79,7 @@ class Fusion(Record, frozen=True):
     corrected: float
 
 
+@with_one_thread
 def fuse(
     X: npt.ArrayLike,
     manifold: Manifold | str,
