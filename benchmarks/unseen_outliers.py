@@ -67,6 +67,17 @@ def random_walks(
     return np.asarray(np.cumsum(steps, axis=1))
 
 
+def independent_paths(
+    count: int, frames: int, picture: Picture, speed: float, rng: np.random.Generator
+) -> Floats:
+    """Tracks that begin anywhere, each with a velocity and an acceleration of its own."""
+    time = np.arange(frames)[:, None]
+    velocity = rng.normal(0, speed, (count, 1, 2))
+    bend = rng.normal(0, speed / frames, (count, 1, 2))
+    start = uniform(count, 1, picture, rng)
+    return np.asarray(start + velocity * time + 0.5 * bend * time**2)
+
+
 def shuffled(tracks: Floats, count: int, rng: np.random.Generator) -> Floats:
     """Some of the complete tracks [n, F, 2] with their positions in another order in time.
 

@@ -9,7 +9,14 @@ from typing import Any
 import numpy as np
 
 from benchmarks.unseen_oracle import achievable, affine_body
-from benchmarks.unseen_outliers import KINDS, jitter, random_walks, shuffled, uniform
+from benchmarks.unseen_outliers import (
+    KINDS,
+    independent_paths,
+    jitter,
+    random_walks,
+    shuffled,
+    uniform,
+)
 from benchmarks.unseen_real import (
     SEQUENCES,
     Change,
@@ -167,6 +174,11 @@ def _walks(tracks: int, frames: int, rng: Rng) -> Floats:
     return random_walks(tracks, frames, (640, 480), number(rng, 1, 10), rng)
 
 
+def _paths(tracks: int, frames: int, rng: Rng) -> Floats:
+    noise = rng.normal(0, number(rng, 0.1, 1.0), (tracks, frames, 2))
+    return independent_paths(tracks, frames, (640, 480), number(rng, 1, 10), rng) + noise
+
+
 def _shuffled(tracks: int, frames: int, rng: Rng) -> Floats:
     """The tracks of moving bodies in another order in time."""
     size = max(tracks // 3, 10)
@@ -277,6 +289,13 @@ ROWS = (
         ("no motion", "no motion"),
         {"": partial(noise_only, _walks, 0, 2)},
         "noise: random walks",
+    ),
+    _row(
+        "noise-paths",
+        "noise only: independent smooth paths",
+        ("no motion", "no motion"),
+        {"": partial(noise_only, _paths, 0, 3)},
+        "noise: independent paths",
     ),
     _row(
         "noise-shuffled",

@@ -310,8 +310,8 @@ class Motion(Record, frozen=True):
         Description length that the motion saves, in nats; None for a selection that does not
         compute it.
     log_nfa : float, optional
-        Natural logarithm of the expected number of false alarms: of groups whose tracks move as
-        coherently among random walks (``sampling.chimeras``); None if it was not tested.
+        Natural logarithm of the expected number of false alarms: of groups of independent tracks
+        that move as coherently (``consensus.group_test``); None if it was not tested.
     separation : float, optional
         Consensus: what telling the motion from the most similar other one saves, over what it must
         save (``consensus.split_test``); above 1 they are two motions. None if it was not tested.

@@ -51,6 +51,53 @@ def chi_square_quantile(freedom: int, share: float) -> float:
     return float(freedom * root**3)
 
 
+TAIL_TERMS = 200
+"""Terms of a series whose factors are below a half, beyond any digit of a double."""
+
+
+def student_t_tail(t: float, freedom: int) -> float:
+    """The probability above ``t`` of the Student t distribution, as ``scipy.stats.t.sf``.
+
+    By hand since loading ``scipy.special`` takes 0.13 s.
+
+    Parameters
+    ----------
+    t
+        At least 0.
+    freedom
+        The degrees of freedom, an even number.
+
+    Returns
+    -------
+    float
+        The probability, at most a half; exact in the far tail as well.
+
+    Raises
+    ------
+    ValueError
+        If ``freedom`` is odd or ``t`` negative.
+
+    References
+    ----------
+    M. Abramowitz and I. A. Stegun, Handbook of Mathematical Functions, equation 26.7.4.
+
+    Examples
+    --------
+    >>> round(student_t_tail(2.0, 8), 6)
+    0.040258
+    """
+    if freedom < 2 or freedom % 2 or t < 0:
+        raise ValueError(f"expected even degrees of freedom and t >= 0, not {freedom} and {t}")
+    within = freedom / (freedom + t * t)
+    root = t / math.sqrt(freedom + t * t)
+    k = np.arange(1, freedom // 2 + TAIL_TERMS)
+    terms = np.append(1.0, np.cumprod(within * (2 * k - 1) / (2 * k)))
+    # all terms add up to 1 / root: the tail is what those of the head leave
+    if within < 0.5:
+        return float(0.5 * root * terms[freedom // 2 :].sum())
+    return float(0.5 * (1 - root * terms[: freedom // 2].sum()))
+
+
 def trigamma_of_half(freedom: int) -> float:
     """The trigamma function of ``freedom`` / 2, as ``scipy.special.polygamma(1, freedom / 2)``.
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 import pytest
 from moving_bodies import rigid_bodies
@@ -11,9 +9,7 @@ from moving_bodies import rigid_bodies
 from mssegment.sampling.chimeras import (
     draw_chimeras,
     draw_walks,
-    log_binomial_tail,
     log_false_alarms,
-    log_false_alarms_of_group,
     log_tail,
 )
 
@@ -45,20 +41,6 @@ def test_rigid_motion_is_meaningful_among_as_much_noise(frames: int) -> None:
     assert (log_nfa[len(points) :] < 0).mean() < 0.03
 
 
-@pytest.mark.parametrize("frames", [4, 8, 20])
-def test_random_walks_are_no_group(rng: np.random.Generator, frames: int) -> None:
-    values = [log_false_alarms_of_group(walks(rng, 100, frames), 8, rng) for _ in range(10)]
-    assert np.mean([value < 0 for value in values]) <= 0.1
-
-
-@pytest.mark.parametrize("frames", [3, 8, 20])
-def test_one_rigid_motion_is_a_group(frames: int) -> None:
-    points, labels = rigid_bodies(np.random.default_rng(3), frames=frames)
-    for label in np.unique(labels):
-        own = points[labels == label]
-        assert log_false_alarms_of_group(own, 8, np.random.default_rng(0)) < -10
-
-
 def test_what_moves_smoothly_with_an_object_is_no_outlier(rng: np.random.Generator) -> None:
     points, _ = rigid_bodies(np.random.default_rng(3), sizes=(80,), frames=30)
     phases = rng.uniform(0, 2 * np.pi, (12, 2))
@@ -67,12 +49,6 @@ def test_what_moves_smoothly_with_an_object_is_no_outlier(rng: np.random.Generat
     log_nfa = log_false_alarms(np.concatenate([points[12:], smooth, white]), rng)
     assert (log_nfa[:80] < 0).mean() > 0.95
     assert (log_nfa[80:] >= 0).mean() > 0.8
-
-
-def test_a_common_translation_is_a_group(rng: np.random.Generator) -> None:
-    start, path = rng.uniform(0, 480, (60, 1, 2)), rng.normal(0, 3, (1, 6, 2)).cumsum(axis=1)
-    points = start + path + rng.normal(0, 0.3, (60, 6, 2))
-    assert log_false_alarms_of_group(points, 8, rng) < -5
 
 
 def test_the_test_does_not_depend_on_units_or_origin(rng: np.random.Generator) -> None:
@@ -100,7 +76,6 @@ def test_samples_of_the_null_hypotheses_are_made_of_the_tracks(rng: np.random.Ge
 def test_few_tracks_are_not_meaningful(rng: np.random.Generator) -> None:
     for tracks in range(5):
         assert np.isinf(log_false_alarms(uniform(rng, tracks, 6), rng)).all()
-        assert math.isinf(log_false_alarms_of_group(uniform(rng, tracks, 6), 8, rng))
 
 
 def test_the_tail_is_monotonic_and_continuous(rng: np.random.Generator) -> None:
@@ -112,10 +87,3 @@ def test_the_tail_is_monotonic_and_continuous(rng: np.random.Generator) -> None:
     q = np.quantile(null, 0.1)
     around = log_tail(np.array([q * (1 - 1e-9), q * (1 + 1e-9)]), null)
     assert abs(around[1] - around[0]) < 0.02
-
-
-@pytest.mark.parametrize("trials", [1, 7, 40])
-def test_the_binomial_tail_is_exact(trials: int) -> None:
-    for successes in range(trials + 1):
-        exact = sum(math.comb(trials, k) for k in range(successes, trials + 1)) / 2**trials
-        assert log_binomial_tail(trials, successes) == pytest.approx(math.log(exact), abs=1e-9)

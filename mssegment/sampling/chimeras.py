@@ -6,8 +6,7 @@ starts where a track starts and takes each step from another track, with a rando
 as smoothly and as far as tracks do, but not together.
 
 A track is meaningful if the expected number of chimeras that fit their neighbourhood as well as the
-track fits its own, the number of false alarms, is below one. A group is a motion if more of its
-tracks than chance explains fit each other better than the median random walk of the same group.
+track fits its own, the number of false alarms, is below one.
 
 References
 ----------
@@ -107,7 +106,7 @@ def like_walks(points: Floats, rng: np.random.Generator) -> Flags:
     moves_along = own / spread_of_tracks(points) <= np.quantile(
         walks / spread_of_tracks(samples), LUCKY_WALKS
     )
-    smooth = own > WALK_RESIDUAL * _jitter(points)
+    smooth = own > WALK_RESIDUAL * noise_of_tracks(points)
     return np.asarray(poor & ~(moves_along & smooth))
 
 
@@ -117,48 +116,11 @@ def spread_of_tracks(points: Floats) -> Floats:
     return np.asarray(np.sqrt(squared.sum(axis=2).mean(axis=1)) + 1e-12)
 
 
-def _jitter(points: Floats) -> Floats:
+def noise_of_tracks(points: Floats) -> Floats:
     """Standard deviation [P] of the noise that second differences of tracks [P, F, 2] show."""
     if points.shape[1] < 3:
         return np.full(len(points), np.inf)
     return np.asarray(np.sqrt((np.diff(points, n=2, axis=1) ** 2).mean(axis=(1, 2)) / 6))
-
-
-def log_false_alarms_of_group(points: Floats, groups: int, rng: np.random.Generator) -> float:
-    """Logarithm of the expected number of ``groups`` as coherent as this one among random walks.
-
-    Under the null hypothesis half of the tracks have a residual below the median of random walks
-    made of the group, so that the number of such tracks is binomial.
-
-    Parameters
-    ----------
-    points : ndarray [n, F, 2]
-        Complete tracks of one group, in pixels.
-    groups : int
-        Number of groups that are tested.
-    rng : numpy.random.Generator
-        Draws the flats and the walks.
-
-    Returns
-    -------
-    float
-        Nats; below 0 the group is a motion.
-    """
-    if len(points) <= FLAT_DIMENSION + 1:
-        return math.inf
-    flats = LocalFlats(points, rng)
-    middle = float(np.median(flats.residuals_of(draw_walks(points, flats.samples, rng))))
-    below = int((flats.own_residuals() < middle).sum())
-    return math.log(groups) + log_binomial_tail(len(points), below)
-
-
-def log_binomial_tail(trials: int, successes: int) -> float:
-    """Logarithm of the probability of at least so many successes of fair coin tosses."""
-    counts = np.arange(successes, trials + 1)
-    logs = np.array([math.lgamma(k + 1) + math.lgamma(trials - k + 1) for k in counts.tolist()])
-    terms = math.lgamma(trials + 1) - logs - trials * math.log(2)
-    top = float(terms.max())
-    return top + math.log(float(np.exp(terms - top).sum()))
 
 
 def draw_chimeras(points: Floats, count: int, rng: np.random.Generator) -> Floats:

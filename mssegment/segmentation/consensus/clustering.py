@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
+from msgspec.structs import replace
 
 from mssegment import models
 from mssegment.errors import DataError
@@ -19,7 +21,6 @@ from mssegment.records import (
     Integers,
     Record,
 )
-from mssegment.sampling.chimeras import log_false_alarms_of_group
 from mssegment.sampling.observed import ObservedSet
 from mssegment.sampling.validation import (
     Misfit,
@@ -32,6 +33,10 @@ from mssegment.segmentation.consensus.average_linkage import AverageLinkage
 from mssegment.segmentation.consensus.coassociation import (
     Coassociation,
     CoassociationAccumulator,
+)
+from mssegment.segmentation.consensus.group_test import (
+    MAX_FALSE_ALARMS,
+    log_false_alarms_of_groups,
 )
 from mssegment.segmentation.consensus.model_order import SpectralClustering
 from mssegment.segmentation.consensus.outliers import second_test
@@ -74,7 +79,7 @@ class Consensus(Record, frozen=True):
 
     labels: Integers
     misfit: Floats
-    log_nfa: tuple[float, ...] = ()
+    log_nfa: tuple[float | None, ...] = ()
     separations: tuple[float, ...] = ()
     notes: tuple[str, ...] = ()
 
@@ -122,7 +127,8 @@ def cluster_by_consensus(
     _check_pairs(sets)
     least = motions if motions else max(1, min_motions)
     if hypotheses.partition == "average_linkage":
-        return _cluster_static(points, sets, tracks, (least, motions or len(points)))
+        found = _cluster_static(points, sets, tracks, (least, motions or len(points)))
+        return without_walks(points, found, rng, drop=not motions and not min_motions)
     bounds = least, motions if motions else max(least, MAX_MOTIONS)
     misfits, coassociations = Misfit(points), CoassociationAccumulator(len(points))
     for one in track(sets, "sets of hypotheses"):
@@ -144,31 +150,31 @@ def cluster_by_consensus(
         )
     labels[grouped] = groups
     drawn, labels = labels, _by_size(labels)
-    if hypotheses.partition != "spectral" or points.shape[1] < 3:
-        return Consensus(labels, misfit, separations=_in_order(apart, drawn, labels))
-    log_nfa = _log_false_alarms(points, labels, rng)
-    notes: tuple[str, ...] = ()
-    if not motions and not min_motions:
-        # a number of motions that the user gives is a fact
-        dropped = np.flatnonzero(log_nfa >= 0) + 1
-        labels = _by_size(np.where(np.isin(labels, dropped), OUTLIER, labels))
-        log_nfa = log_nfa[log_nfa < 0]
-        if len(dropped):
-            notes = (WALKS_NOTE.format(count=len(dropped)),)
-    apart = _in_order(apart, drawn, labels)
-    return Consensus(labels, misfit, tuple(log_nfa.tolist()), apart, notes)
+    found = Consensus(labels, misfit)
+    # a number of motions that the user gives is a fact
+    found = without_walks(points, found, rng, drop=not motions and not min_motions)
+    return replace(found, separations=_in_order(apart, drawn, found.labels))
 
 
-def _log_false_alarms(points: Floats, labels: Integers, rng: np.random.Generator) -> Floats:
-    """Log numbers of false alarms of the groups 1..m, as random walks, [m]."""
-    complete = np.isfinite(points).all(axis=(1, 2))
-    groups = range(1, int(labels.max(initial=0)) + 1)
-    return np.array(
-        [
-            log_false_alarms_of_group(points[complete & (labels == label)], MAX_MOTIONS, rng)
-            for label in groups
-        ]
-    )
+def without_walks(
+    points: Floats, found: Consensus, rng: np.random.Generator, *, drop: bool
+) -> Consensus:
+    """The groups with their numbers of false alarms; without those of random walks if ``drop``."""
+    if points.shape[1] < 3:
+        return found
+    log_nfa = log_false_alarms_of_groups(points, found.labels, MAX_MOTIONS, rng)
+    chance = log_nfa >= math.log(MAX_FALSE_ALARMS)
+    if not drop or not chance.any():
+        return replace(found, log_nfa=_known(log_nfa))
+    dropped = np.flatnonzero(chance) + 1
+    labels = _by_size(np.where(np.isin(found.labels, dropped), OUTLIER, found.labels))
+    notes = (WALKS_NOTE.format(count=len(dropped)),)
+    return replace(found, labels=labels, log_nfa=_known(log_nfa[~chance]), notes=notes)
+
+
+def _known(log_nfa: Floats) -> tuple[float | None, ...]:
+    """Numbers of false alarms, None for those that are not known."""
+    return tuple(None if np.isnan(value) else value for value in log_nfa.tolist())
 
 
 def _cluster_static(

@@ -1,0 +1,166 @@
+"""Is a group of tracks a motion? It must be more coherent than tracks that move independently.
+
+Surrogates of a group are drawn, whose tracks move as far and as smoothly as its own do, but not
+together: the path of each track is turned about its start by a random angle. Where a group stands
+still but for its noise, nothing would change; every step is turned by itself, so that the noise
+adds up to random walks. The coherence of a group is the median logarithm of the residuals of its
+tracks from the flats around them. Under the null hypothesis of independent tracks without a
+preferred direction, that of the group is one more draw of the same distribution as those of the
+surrogates, which a Student t statistic tests. Tracks near each other share flats, so that their
+residuals depend on each other; the surrogates show how much.
+
+References
+----------
+Theiler, Eubank, Longtin, Galdrikian and Farmer, Testing for nonlinearity in time series: the method
+of surrogate data, Physica D 58, 1992.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import numpy.typing as npt
+
+from mssegment.records import Floats, Integers
+from mssegment.sampling.chimeras import (
+    FLAT_DIMENSION,
+    LocalFlats,
+    noise_of_tracks,
+    spread_of_tracks,
+)
+from mssegment.sampling.windows import MIN_WINDOW_TRACKS, window_length, window_starts
+from mssegment.special import student_t_tail
+
+Array = npt.NDArray[np.complex128]
+
+MAX_FALSE_ALARMS = 0.01
+"""A group is a motion if fewer groups as coherent are expected: one in a hundred sequences of
+noise."""
+SURROGATES = 9
+"""Groups that are drawn; the tail of the Student t distribution with eight degrees of freedom says
+what so few of them leave unknown."""
+MOST_TRACKS = 60
+"""Tracks of a group that are tested, at random; the coherence of so many is well known."""
+MOVING = 3.0
+"""A group moves if the spread of its median track exceeds its noise by this factor: a track that
+stands still has 1.4, the noise of two coordinates."""
+TINY = 1e-12
+"""Keeps logarithms finite for exact data, in pixels."""
+
+
+def log_false_alarms_of_groups(
+    points: Floats, labels: Integers, groups: int, rng: np.random.Generator
+) -> Floats:
+    """``log_false_alarms_of_group`` of each group, [m].
+
+    Incomplete tracks are tested in windows of frames, whose number counts as tests.
+
+    Parameters
+    ----------
+    points : ndarray [P, F, 2]
+        Tracks in pixels, NaN where a point is not visible.
+    labels : ndarray [P] of int
+        The groups 1..m; other labels are of no group.
+    groups : int
+        Number of groups that are tested.
+    rng : numpy.random.Generator
+        Draws the flats and the walks.
+
+    Returns
+    -------
+    ndarray [m]
+        Nats; NaN where no window shows ``MIN_WINDOW_TRACKS`` tracks of the group.
+    """
+    return np.array(
+        [
+            _in_windows(points[labels == label], groups, rng)
+            for label in range(1, int(labels.max(initial=0)) + 1)
+        ]
+    )
+
+
+def _in_windows(points: Floats, groups: int, rng: np.random.Generator) -> float:
+    """Of one group of tracks [n, F, 2]: the least of its windows; NaN without any."""
+    visible = np.asarray(np.isfinite(points).all(axis=2))
+    complete = visible.all(axis=1)
+    if 2 * complete.sum() > len(points):
+        return log_false_alarms_of_group(points[complete], groups, rng)
+    length = window_length(visible)
+    found = []
+    for start in window_starts(points.shape[1], length).tolist():
+        frames = slice(start, start + length)
+        tracks = np.flatnonzero(visible[:, frames].all(axis=1))
+        if len(tracks) >= MIN_WINDOW_TRACKS:
+            found.append(log_false_alarms_of_group(points[tracks, frames], groups, rng))
+    return min(found) + math.log(len(found)) if found else math.nan
+
+
+def log_false_alarms_of_group(points: Floats, groups: int, rng: np.random.Generator) -> float:
+    """Logarithm of the expected number of ``groups`` as coherent by chance as this one.
+
+    Parameters
+    ----------
+    points : ndarray [n, F, 2]
+        Complete tracks of one group, in pixels.
+    groups : int
+        Number of groups that are tested.
+    rng : numpy.random.Generator
+        Draws the surrogates and the flats.
+
+    Returns
+    -------
+    float
+        Nats; below the logarithm of ``MAX_FALSE_ALARMS`` the group is a motion.
+    """
+    if len(points) <= FLAT_DIMENSION + 1:
+        return math.inf
+    if len(points) > MOST_TRACKS:
+        points = points[np.sort(rng.choice(len(points), MOST_TRACKS, replace=False))]
+    moves = float(np.median(spread_of_tracks(points) / (noise_of_tracks(points) + TINY))) > MOVING
+    turned = turned_paths if moves else turned_steps
+    null = np.array([coherence(turned(points, rng), rng) for _ in range(SURROGATES)])
+    return math.log(groups) + log_probability_below(coherence(points, rng), null)
+
+
+def coherence(points: Floats, rng: np.random.Generator) -> float:
+    """Median logarithm of the residuals of tracks [n, F, 2]; smaller where they move together."""
+    return float(np.median(np.log(LocalFlats(points, rng).own_residuals() + TINY)))
+
+
+def turned_paths(points: Floats, rng: np.random.Generator) -> Floats:
+    """Tracks [n, F, 2] with the same starts and paths, each turned about its start at random."""
+    path = _complex(points - points[:, :1]) * _random_turns(rng, len(points), 1)
+    return np.asarray(points[:, :1] + _real(path))
+
+
+def turned_steps(points: Floats, rng: np.random.Generator) -> Floats:
+    """Tracks [n, F, 2] with the same starts and lengths of steps, whose directions are random."""
+    steps = _complex(np.diff(points, axis=1))
+    path = np.cumsum(steps * _random_turns(rng, *steps.shape), axis=1)
+    return np.concatenate([points[:, :1], points[:, :1] + _real(path)], axis=1)
+
+
+def _random_turns(rng: np.random.Generator, *shape: int) -> Array:
+    return np.asarray(np.exp(2j * np.pi * rng.random(shape)))
+
+
+def _complex(vectors: Floats) -> Array:
+    """Vectors [..., 2] as complex numbers [...]."""
+    return np.asarray(vectors[..., 0] + 1j * vectors[..., 1])
+
+
+def _real(numbers: Array) -> Floats:
+    """Complex numbers [...] as vectors [..., 2]."""
+    return np.stack([numbers.real, numbers.imag], axis=-1)
+
+
+def log_probability_below(value: float, null: Floats) -> float:
+    """Logarithm of the probability that one more draw is as small as ``value``.
+
+    For draws ``null`` [n] of a normal distribution whose mean and variance are not known.
+    """
+    spread = float(null.std(ddof=1)) * math.sqrt(1 + 1 / len(null)) + TINY
+    t = (value - float(null.mean())) / spread
+    above = student_t_tail(abs(t), len(null) - 1)
+    return math.log(above if t < 0 else 1 - above)
