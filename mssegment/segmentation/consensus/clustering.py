@@ -6,7 +6,6 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
-from msgspec.structs import replace
 
 from mssegment import models
 from mssegment.errors import DataError
@@ -20,6 +19,7 @@ from mssegment.records import (
     HypothesisSet,
     Integers,
     Record,
+    replace,
 )
 from mssegment.sampling.observed import ObservedSet
 from mssegment.sampling.validation import (
