@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import shutil
 import signal
 import socket
 import subprocess
@@ -17,12 +18,15 @@ import numpy as np
 import pytest
 
 from mssegment.batch import items_of
+from mssegment.batch.fingerprint import fingerprint
 from mssegment.batch.ledger import LEDGER, Entry, Ledger
+from mssegment.batch.shipping import packed, segment_parcel, unpacked
 from mssegment.batch.work import Outcome, Task, segment_item
 from mssegment.cli import invoke
 from mssegment.configuration import Setting
 from mssegment.errors import ConfigurationError, DataError, ExitStatus, MssegmentError
 
+SAMPLES = Path(__file__).parents[1] / "sample_data" / "affine"
 MSSEGMENT = [sys.executable, "-m", "mssegment"]
 QUICK = ["--set", "report.pictures=no", "--set", "report.html=no", "--model", "affine"]
 """Options with which a small item takes a few hundredths of a second."""
@@ -360,8 +364,40 @@ def test_a_dask_cluster_writes_the_same_bytes(
 ) -> None:
     assert run(matches, "--out", tmp_path / "local", "--jobs", 2) == 0
     assert run(matches, "--out", tmp_path / "dask", "--scheduler", scheduler) == 0
-    assert contents(tmp_path / "local") == contents(tmp_path / "dask")
-    assert states(tmp_path / "local") == states(tmp_path / "dask")
+    shipped = ("--out", tmp_path / "shipped", "--scheduler", scheduler, "--ship")
+    assert run(matches, *shipped) == 0
+    for name in ("dask", "shipped"):
+        assert contents(tmp_path / name) == contents(tmp_path / "local")
+        assert states(tmp_path / name) == states(tmp_path / "local")
+
+
+def test_shipped_files_leave_no_trace_in_the_results(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    shutil.copytree(SAMPLES, tmp_path / "scene")
+    (tmp_path / "here").mkdir()
+    monkeypatch.chdir(tmp_path / "here")
+    rows = [
+        {"name": "folder", "images": ["../scene"], "labels": [f"{tmp_path}/scene/mask-*.png"]},
+        {"name": "missing", "images": ["../scene/frame-1.png", f"{tmp_path}/scene/mask-1.txt"]},
+    ]
+    (tmp_path / "scene" / "mask-1.txt").write_text("no picture")
+    (tmp_path / "here" / "m.jsonl").write_text("\n".join(map(json.dumps, rows)))
+    items = items_of(["m.jsonl"])
+    outcomes = []
+    for item in items:
+        of = fingerprint(item.configuration)
+        for place in ("direct", "shipped"):
+            out = str(tmp_path / place / item.name)
+            task = Task(item.name, item.configuration, out, of, os.getcwd())
+            if place == "direct":
+                outcomes.append(segment_item(task))
+            else:
+                outcomes.append(unpacked(task, segment_parcel(packed(task))))
+    assert outcomes[0].error == ""
+    assert outcomes[0].facts == outcomes[1].facts
+    assert outcomes[2].error == outcomes[3].error != ""
+    assert contents(tmp_path / "direct") == contents(tmp_path / "shipped")
 
 
 def test_without_dask_the_extra_is_named(

@@ -82,10 +82,7 @@ def read_manifest(path: str) -> list[ManifestRow]:
 def _is_column(cell: str) -> bool:
     cell = cell.strip()
     return (
-        cell == NAME
-        or cell in SHORT
-        or ("." in cell and cell in KEYS)
-        or bool(_IMAGE.fullmatch(cell))
+        cell == NAME or cell in SHORT or ("." in cell and cell in KEYS) or cell.startswith("image")
     )
 
 

@@ -12,10 +12,11 @@ from concurrent.futures import BrokenExecutor, Executor, Future, ProcessPoolExec
 from contextlib import contextmanager
 from typing import Any, Protocol
 
+from mssegment.batch.shipping import Answer, Parcel, packed, segment_parcel, unpacked
 from mssegment.batch.work import Outcome, Task, segment_item
 from mssegment.errors import DataError, UsageError
 
-PATIENCE = 60.0
+PATIENCE = 20.0
 """Seconds to wait for a Dask scheduler."""
 
 
@@ -26,8 +27,9 @@ class WorkerDied(Exception):
 class Pool(Protocol):
     """Workers."""
 
-    width: int
-    """The number of items that are worth submitting at a time."""
+    @property
+    def width(self) -> int:
+        """The number of items that are worth submitting at a time."""
 
     def submit(self, task: Task) -> Future[Outcome]:
         """Have a worker segment an item; its future may raise WorkerDied."""
@@ -154,11 +156,18 @@ class DaskPool:
     ----------
     client : distributed.Client
         A client of its scheduler.
+    ship : bool
+        Whether the workers share no disk with this machine.
     """
 
-    def __init__(self, client: Any) -> None:
-        self.width = 1_000_000  # the scheduler has the queue, and scales the cluster by it
+    def __init__(self, client: Any, ship: bool = False) -> None:
+        self._client, self._ship = client, ship
         self._executor = client.get_executor(pure=False)
+
+    @property
+    def width(self) -> int:
+        """All items, as the scheduler scales its cluster by them; few that hold their files."""
+        return 2 * max(1, sum(self._client.nthreads().values())) if self._ship else 1_000_000
 
     def submit(self, task: Task) -> Future[Outcome]:
         """Have a worker segment an item."""
@@ -166,7 +175,7 @@ class DaskPool:
 
         answer: Future[Outcome] = Future()
 
-        def finish(done: Future[Outcome]) -> None:
+        def finish(done: Future[Any]) -> None:
             if done.cancelled():
                 answer.cancel()
             elif isinstance(error := done.exception(), KilledWorker):
@@ -174,9 +183,11 @@ class DaskPool:
             elif error is not None:
                 answer.set_exception(error)
             else:
-                answer.set_result(done.result())
+                found = done.result()
+                answer.set_result(unpacked(task, found) if self._ship else found)
 
-        self._executor.submit(_segment_on_one_core, task).add_done_callback(finish)
+        sent = packed(task) if self._ship else task
+        self._executor.submit(_segment_on_one_core, sent).add_done_callback(finish)
         return answer
 
     def stop(self) -> None:
@@ -184,19 +195,19 @@ class DaskPool:
         self._executor.shutdown(wait=False)
 
 
-def _segment_on_one_core(task: Task) -> Outcome:
+def _segment_on_one_core(sent: Task | Parcel) -> Outcome | Answer:
     """Segment an item in a Dask worker, which has one core for each of its threads."""
     import cv2
 
     cv2.setNumThreads(1)
-    return segment_item(task)
+    return segment_parcel(sent) if isinstance(sent, Parcel) else segment_item(sent)
 
 
 @contextmanager
-def dask_pool(scheduler: str, jobs: int) -> Iterator[Pool]:
+def dask_pool(scheduler: str, jobs: int, ship: bool = False) -> Iterator[Pool]:
     """The workers of a Dask scheduler, or with ``local`` those of a cluster on this machine.
 
-    Raises UsageError if Dask is not installed, DataError if there is no scheduler at the address.
+    With ``ship``, files go to the workers and results come back. Raises UsageError if Dask is not installed, DataError if there is no scheduler at the address.
     """
     try:
         import dask
@@ -219,7 +230,7 @@ def dask_pool(scheduler: str, jobs: int) -> Iterator[Pool]:
                 f"--scheduler {scheduler}: no Dask scheduler answers ({error}); start one with "
                 "`dask scheduler` and name its address, tcp://HOST:8786"
             ) from None
-        pool = DaskPool(client)
+        pool = DaskPool(client, ship)
         try:
             yield pool
         except BaseException:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import time
+from collections.abc import Mapping
 from pathlib import Path
 
 import msgspec
@@ -169,8 +170,16 @@ def _check(task: Task) -> None:
 def read_facts(out: str) -> Facts | None:
     """What the result in a folder was made from; None if there is no whole one."""
     try:
-        return msgspec.json.decode((Path(out) / FACTS).read_bytes(), type=Facts)
-    except (OSError, msgspec.DecodeError):
+        return facts_of({FACTS: (Path(out) / FACTS).read_bytes()})
+    except OSError:
+        return None
+
+
+def facts_of(files: Mapping[str, bytes]) -> Facts | None:
+    """What some files were made from; None if they do not say so."""
+    try:
+        return msgspec.json.decode(files[FACTS], type=Facts)
+    except (KeyError, msgspec.DecodeError):
         return None
 
 

@@ -20,7 +20,7 @@ from mssegment.cli.common import (
     settings_options,
 )
 from mssegment.configuration import Setting, from_file, from_text
-from mssegment.errors import ExitStatus
+from mssegment.errors import ExitStatus, UsageError
 from mssegment.inputs.text import printable
 
 if TYPE_CHECKING:
@@ -77,6 +77,12 @@ KEYS = ("hypothesize.model", "segment.motions", "report.masks", "report.export",
     "machine, local; needs mssegment[dask].",
 )
 @click.option(
+    "--ship",
+    is_flag=True,
+    help="With --scheduler: send the files to the workers and fetch the results, where they share "
+    "no disk with this machine.",
+)
+@click.option(
     "--retry-failed", is_flag=True, help="Try again what failed before, also if nothing changed."
 )
 @click.option(
@@ -95,6 +101,7 @@ def command(
     out: str,
     jobs: int | None,
     scheduler: str | None,
+    ship: bool,
     retry_failed: bool,
     keep_going: bool,
     form: str | None,
@@ -107,6 +114,7 @@ def command(
     videos, files of tracks and folders of pictures in it. The same command again does only what is
     missing or has changed. The exit status is 4 if an item failed.
     """
+    _check_scheduler(scheduler, ship)
     from mssegment.batch import Batch, items_of
     from mssegment.batch.pools import dask_pool, local_pool
     from mssegment.batch.summary import sentence, write_summary
@@ -126,7 +134,7 @@ def command(
 
     with batch.opened() as ledger:
         pools = local_pool(jobs, max(1, cores // jobs)) if scheduler is None else None
-        with pools or dask_pool(scheduler or "", jobs) as pool, console.working("batch"):
+        with pools or dask_pool(scheduler or "", jobs, ship) as pool, console.working("batch"):
             results = batch.run(ledger, pool, show)
         write_summary(results, out)
     _put(results, chosen_format(form, console))
@@ -136,6 +144,14 @@ def command(
         _print_failures(results)
         return ExitStatus.DATA
     return ExitStatus.DONE
+
+
+def _check_scheduler(scheduler: str | None, ship: bool) -> None:
+    """Raises UsageError for what is no address, and for --ship without one."""
+    if scheduler is None and ship:
+        raise UsageError("--ship: it goes with --scheduler; processes of this machine read files")
+    if scheduler is not None and scheduler != "local" and "://" not in scheduler:
+        raise UsageError(f"--scheduler {scheduler}: expected tcp://HOST:PORT, or local")
 
 
 def _processors() -> int:
