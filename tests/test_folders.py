@@ -228,9 +228,9 @@ def test_a_key_keeps_what_was_written(out: Path) -> None:
             write_new(out, error=KeyboardInterrupt, key=key)
 
     def is_resumed(key: str | None) -> bool:
-        with suppress(ZeroDivisionError), result_folder(str(out), key=key) as folder:
+        with suppress(KeyboardInterrupt), result_folder(str(out), key=key) as folder:
             assert content(folder.path) == (NEW if folder.resumed else {})
-            raise ZeroDivisionError
+            raise KeyboardInterrupt
         return folder.resumed
 
     interrupt("a")
@@ -240,7 +240,11 @@ def test_a_key_keeps_what_was_written(out: Path) -> None:
     interrupt("a")
     assert not is_resumed(None)
     assert not list(out.parent.iterdir())
+    with pytest.raises(ZeroDivisionError):
+        write_new(out, error=ZeroDivisionError, key="a")  # it would come again
+    assert not is_resumed("a")
     interrupt("a")
+    sweep(str(out), keep=True)
     assert write_new(out, key="a")
     assert content(out.parent) == {f"out/{name}": text for name, text in NEW.items()}
 

@@ -4,13 +4,17 @@ from __future__ import annotations
 
 import http.client
 import json
+import socket
+import struct
 import threading
+import time
 
 import cv2
 import numpy as np
 import pytest
 
 from mssegment.datasets import labels_from_masks
+from mssegment.documents import write_bytes
 from mssegment.errors import DataError, UsageError
 from mssegment.ground_truth import true_labels
 from mssegment.labelling import LabelServer
@@ -184,3 +188,66 @@ def test_it_does_not_write_over_masks_of_somebody_else(tmp_path):
 def test_a_port_that_is_taken_is_named(server, tmp_path):
     with pytest.raises(UsageError, match=str(server.server_port)):
         LabelServer(FRAMES, lambda index: None, str(tmp_path), port=server.server_port)
+
+
+def test_a_killed_save_is_completed_at_the_next_start(tmp_path):
+    def drawing(label):
+        polygons = [{"label": label, "points": SQUARE}]
+        return json.dumps({"frames": [polygons, polygons]}).encode()
+
+    folder = tmp_path / "labels"
+    with LabelServer(FRAMES, lambda index: None, str(folder)) as server:
+        server.save(drawing(2))
+        after = {path.name: path.read_bytes() for path in folder.iterdir()}
+        server.save(drawing(1))
+    # killed when the polygons and one of the masks of label 2 were written
+    (folder / POLYGONS).write_bytes(after[POLYGONS])
+    (folder / "mask-3.png").write_bytes(after["mask-3.png"])
+    (folder / ".mask-7.png.0123456789ab").write_bytes(b"half")
+    with LabelServer(FRAMES, lambda index: None, str(folder)):
+        assert {path.name: path.read_bytes() for path in folder.iterdir()} == after
+
+
+def test_saves_come_one_after_the_other_and_end_before_the_program(tmp_path, monkeypatch):
+    from mssegment.labelling import server as module
+
+    written = []
+
+    def slow(path, content):
+        written.append(path)
+        time.sleep(0.02)
+        write_bytes(path, content)
+
+    monkeypatch.setattr(module, "write_bytes", slow)
+    with LabelServer(FRAMES, lambda index: None, str(tmp_path / "labels")) as server:
+        threading.Thread(target=server.serve_forever, args=(0.02,), daemon=True).start()
+        bodies = [[{"label": label, "points": SQUARE}] for label in (1, 2, 3)]
+        asked = [threading.Thread(target=save, args=(server, [b, b])) for b in bodies]
+        for thread in asked:
+            thread.start()
+        for thread in asked:
+            thread.join()
+        assert [path[-13:] for path in written[::3]] == [POLYGONS] * 3  # never interleaved
+        values = {cv2.imread(str(path)).max() for path in server.folder.glob("*.png")}
+        assert values == {server.drawing.frames[0][0].label}
+
+        threading.Thread(target=save, args=(server, [bodies[0]] * 2)).start()
+        while len(written) < 10:
+            time.sleep(0.001)
+        server.finish()  # as Ctrl-C does
+        assert len(written) == 12
+        assert (tmp_path / "labels" / "mask-7.png").read_bytes()
+        server.shutdown()
+
+
+def test_a_closed_tab_is_no_error(server, capfd):
+    said = []
+    server.trouble = said.append
+    with socket.create_connection(("127.0.0.1", server.server_port)) as connection:
+        connection.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
+        head = f"GET /{server.secret}/frame-0.jpg HTTP/1.1\r\nHost: {server.hosts[0]}\r\n\r\n"
+        connection.sendall(head.encode())
+    assert save(server, [[], []])[0].status == 200
+    time.sleep(0.1)
+    assert not said
+    assert capfd.readouterr() == ("", "")

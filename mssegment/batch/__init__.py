@@ -116,7 +116,9 @@ class Batch(State):
             try:
                 for entry in os.listdir(folder):
                     if entry.startswith(".") and entry.endswith(HIDDEN):
-                        sweep(str(folder / entry[1 : -len(HIDDEN)]), wait=WAIT)
+                        name = entry[1 : -len(HIDDEN)]
+                        is_item = any(item.name == name for item in self.items)
+                        sweep(str(folder / name), wait=WAIT, keep=is_item)
                 yield ledger
             finally:
                 ledger.close()
@@ -212,11 +214,11 @@ class Batch(State):
         return Task(item.name, item.configuration, out, of, os.getcwd())
 
     def _sweep(self, results: Mapping[str, Result]) -> None:
-        """Remove what stopped workers left."""
+        """Remove what stopped workers left; a long clip goes on where it was."""
         for item in self.items:
             if item.name not in results:
                 with suppress(UsageError):  # a worker of a cluster is still writing it
-                    sweep(str(Path(self.out) / item.name))
+                    sweep(str(Path(self.out) / item.name), keep=True)
 
 
 def _result(item: Item, task: Task, outcome: Outcome) -> Result:

@@ -8,7 +8,7 @@ import os
 import signal
 import threading
 from collections.abc import Iterator
-from concurrent.futures import BrokenExecutor, Executor, Future, ProcessPoolExecutor
+from concurrent.futures import BrokenExecutor, CancelledError, Executor, Future, ProcessPoolExecutor
 from contextlib import contextmanager
 from typing import Any, Protocol
 
@@ -176,17 +176,21 @@ class DaskPool:
         answer: Future[Outcome] = Future()
 
         def finish(done: Future[Any]) -> None:
-            if done.cancelled():
-                answer.cancel()
-            elif isinstance(error := done.exception(), KilledWorker):
-                answer.set_exception(WorkerDied())
-            elif error is not None:
-                answer.set_exception(error)
-            else:
+            try:
                 found = done.result()
                 answer.set_result(unpacked(task, found) if self._ship else found)
+            except CancelledError:
+                answer.cancel()
+            except KilledWorker:
+                answer.set_exception(WorkerDied())
+            except Exception as error:  # it is raised where the answer is waited for
+                answer.set_exception(error)
 
-        sent = packed(task) if self._ship else task
+        try:
+            sent = packed(task) if self._ship else task
+        except DataError as error:
+            answer.set_result(Outcome(error=str(error), status=error.status))
+            return answer
         self._executor.submit(_segment_on_one_core, sent).add_done_callback(finish)
         return answer
 
@@ -207,7 +211,9 @@ def _segment_on_one_core(sent: Task | Parcel) -> Outcome | Answer:
 def dask_pool(scheduler: str, jobs: int, ship: bool = False) -> Iterator[Pool]:
     """The workers of a Dask scheduler, or with ``local`` those of a cluster on this machine.
 
-    With ``ship``, files go to the workers and results come back. Raises UsageError if Dask is not installed, DataError if there is no scheduler at the address.
+    With ``ship``, files go to the workers and results come back.
+
+    Raises UsageError if Dask is not installed, DataError if there is no scheduler at the address.
     """
     try:
         import dask

@@ -77,7 +77,7 @@ def sentence(results: Sequence[Result]) -> str:
     """How many items were done, unchanged, failed and not started."""
     count = Counter("failed" if result.has_failed else result.state for result in results)
     said = [f"{count[s]} {s}" for s in ("done", "unchanged", "failed", "not started") if count[s]]
-    return f"{len(results)} item{'s' * (len(results) != 1)}: {', '.join(said)}"
+    return f"{_count(len(results), 'item')}: {', '.join(said)}"
 
 
 def index_page(results: Sequence[Result]) -> str:
@@ -91,7 +91,7 @@ def index_page(results: Sequence[Result]) -> str:
     return Template(folder.joinpath("index.html").read_text(encoding="utf-8")).substitute(
         policy=f"default-src 'none'; img-src 'self' file:; style-src 'sha256-{digest}'",
         style=style,
-        headline=escape(", ".join(headline)),
+        headline=f"{_count(len(results), 'item')}: {', '.join(headline)}",
         failures=_failures(failed),
         cards="\n".join(_card(result) for result in results if result.facts is not None),
         version=escape(__version__),
@@ -118,8 +118,7 @@ def _card(result: Result) -> str:
         source = f"{place}/{quote(facts.picture)}"
         picture = f'<img src="{source}" loading="lazy" alt="the motions of {name}">'
     target = f"{place}/{quote(facts.page)}" if facts.page is not None else f"{place}/"
-    count = len(facts.motions)
-    motions = "no motion" if count == 0 else f"{count} motion{'s' * (count > 1)}"
+    motions = _count(len(facts.motions), "motion") if facts.motions else "no motion"
     lines = [f"{facts.tracks} tracks, {facts.frames} frames, {facts.outliers} outliers"]
     if facts.misclassification is not None:
         lines.append(f"{_percent(facts.misclassification)} % misclassified")
@@ -127,6 +126,10 @@ def _card(result: Result) -> str:
         f'<li><a href="{target}">{picture}<strong>{name}</strong></a> '
         f"<span>{motions}</span>{''.join(f'<small>{line}</small>' for line in lines)}</li>"
     )
+
+
+def _count(number: int, noun: str) -> str:
+    return f"{number} {noun}{'s' * (number != 1)}"
 
 
 def _percent(share: float | None) -> str:

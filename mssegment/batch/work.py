@@ -130,7 +130,7 @@ def segment_item(task: Task) -> Outcome:
     error, status = "", ExitStatus.DONE
     try:
         _check(task)
-        sweep(task.out, wait=WAIT)
+        sweep(task.out, wait=WAIT, keep=True)
         facts = read_facts(task.out)
         was_there = facts is not None and facts.fingerprint == task.fingerprint.digest
         if not was_there:

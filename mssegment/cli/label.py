@@ -58,6 +58,7 @@ def command(
             port=port,
             ready=lambda url: click.echo(f"{url}  (press Ctrl-C to stop)"),
             saved=lambda names: console.note(f"saved {', '.join(names)} in {out}"),
+            trouble=console.note,
         )
     except KeyboardInterrupt:
         # Ctrl-C is the normal way to stop the server, not an interruption

@@ -68,8 +68,9 @@ def result_folder(
         Whether ``out`` may hold files. They are kept, except those that have the path of a new one
         or are named in ``stale``.
     key : str, optional
-        With a key, what was written is kept if the block does not come to its end; the next call
-        with the same key goes on with it. It should depend on everything that the files depend on.
+        With a key, what was written is kept after an interrupt or a kill, or if the disk is full;
+        the next call with the same key goes on with it. It should depend on everything that the
+        files depend on.
     wait : float
         Seconds to wait for another process that writes the same folder.
 
@@ -115,8 +116,10 @@ def folder_lock(out: str) -> Iterator[None]:
                 parent.rmdir()
 
 
-def sweep(out: str, wait: float = 0.0) -> None:
+def sweep(out: str, wait: float = 0.0, *, keep: bool = False) -> None:
     """Remove what a killed process left beside ``out``, or complete its exchange.
+
+    With ``keep``, what a process with the same key would go on with stays.
 
     Raises UsageError if another process is still writing the folder after ``wait`` seconds.
     """
@@ -124,7 +127,8 @@ def sweep(out: str, wait: float = 0.0) -> None:
     if work.exists():
         with _locked(work, out, wait), _errors_name(out, work / NEW):
             Replacing(target, work / NEW).settle()
-            _clear(work)
+            if not keep or not (work / _KEY).exists():
+                _clear(work)
 
 
 def _write(
@@ -147,6 +151,9 @@ def _write(
         yield folder
         replacing.replace(folder.stale)
         kept = False
+    except Exception as error:  # it would come again, except where there is no room
+        kept = kept and isinstance(error, OutputError | OSError)
+        raise
     finally:
         replacing.settle()
         if not kept or not any((work / NEW).iterdir()):

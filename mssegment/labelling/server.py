@@ -8,6 +8,9 @@ from its own page only. A secret in the URL keeps other users of the machine out
 from __future__ import annotations
 
 import secrets
+import sys
+import threading
+import time
 from collections.abc import Callable, Sequence
 from http import HTTPStatus
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
@@ -19,13 +22,16 @@ import cv2
 import numpy as np
 
 from mssegment.documents.files import read_bytes, write_bytes
-from mssegment.errors import DataError, MssegmentError, UsageError
+from mssegment.errors import DataError, MssegmentError, OutputError, UsageError
+from mssegment.folders import folder_lock
 from mssegment.labelling import masks
 from mssegment.records import Frame
 from mssegment.rendering.report import PictureOf
 from mssegment.rendering.style import hexadecimal, label_style
 
 LOOPBACK = "127.0.0.1"
+LONGEST_SAVE = 30.0
+"""Seconds to wait for a save when the program ends."""
 MAX_REQUEST_BYTES = 16_000_000
 _CONTENT_TYPES = {"html": "text/html", "css": "text/css", "js": "text/javascript"}
 
@@ -45,6 +51,8 @@ class LabelServer(ThreadingHTTPServer):
         Port on the loopback address; 0 selects a free one.
     saved : callable, optional
         Called with the names of the files after each save.
+    trouble : callable, optional
+        Called with a sentence if a request fails for a reason that nobody foresaw.
 
     Raises
     ------
@@ -64,10 +72,15 @@ class LabelServer(ThreadingHTTPServer):
         *,
         port: int = 0,
         saved: Callable[[list[str]], None] | None = None,
+        trouble: Callable[[str], None] | None = None,
     ) -> None:
         self.frames, self.pictures, self.folder = tuple(frames), pictures, Path(folder)
         self.saved = saved or (lambda names: None)
+        self.trouble = trouble or (lambda sentence: None)
+        self.saving = threading.RLock()
+        """Held during a save and its answer: saves come one after the other."""
         self.drawing = _earlier_drawing(self.folder, self.frames)
+        self._complete()
         self.secret = secrets.token_urlsafe(12)
         try:
             super().__init__((LOOPBACK, port), _Handler)
@@ -89,18 +102,56 @@ class LabelServer(ThreadingHTTPServer):
     def save(self, content: bytes) -> list[str]:
         """Write masks and polygons from the JSON of a request; returns the names of the files.
 
-        Raises DataError if the polygons are invalid.
+        The polygons decide: after a kill in the middle, the next start writes the masks that are
+        missing. Raises DataError if the polygons are invalid, OutputError if a file cannot be
+        written.
         """
         drawing = masks.read_drawing(content, self.frames)
-        files = masks.mask_files(drawing, self.frames)
-        files[masks.POLYGONS] = masks.encode_drawing(drawing)
-        for name in masks.mask_files(self.drawing, self.frames).keys() - files.keys():
-            (self.folder / name).unlink(missing_ok=True)  # its last polygon was deleted
-        for name, written in files.items():
-            write_bytes(str(self.folder / name), written)
-        self.drawing = drawing
-        self.saved(list(files))
-        return list(files)
+        with self.saving:
+            files = masks.mask_files(drawing, self.frames)
+            for name in masks.mask_files(self.drawing, self.frames).keys() - files.keys():
+                self._remove(self.folder / name)  # its last polygon was deleted
+            polygons = masks.encode_drawing(drawing)
+            write_bytes(str(self.folder / masks.POLYGONS), polygons)
+            self.drawing = drawing
+            for name, written in files.items():
+                write_bytes(str(self.folder / name), written)
+            names = [*files, masks.POLYGONS]
+            self.saved(names)
+        return names
+
+    def finish(self) -> None:
+        """Wait for a save that is going on, and accept no other one."""
+        until = time.monotonic() + LONGEST_SAVE
+        while time.monotonic() < until:
+            try:
+                if self.saving.acquire(timeout=0.1):
+                    return
+            except KeyboardInterrupt:  # pressed again: the save is still completed
+                continue
+
+    def handle_error(self, request: object, client_address: object) -> None:
+        """A closed tab is no error; anything else is said in one sentence."""
+        error = sys.exception()
+        if not isinstance(error, ConnectionError | TimeoutError):
+            self.trouble(f"unexpected {type(error).__name__}: {error}; this is a bug")
+
+    def _complete(self) -> None:
+        """Write the masks that a killed save did not come to, and remove its unfinished files."""
+        for path in self.folder.glob(".*.????????????"):
+            if path.name.startswith((".mask-", f".{masks.POLYGONS}.")):
+                self._remove(path)
+        for name, content in masks.mask_files(self.drawing, self.frames).items():
+            path = self.folder / name
+            if not path.is_file() or path.read_bytes() != content:
+                write_bytes(str(path), content)
+
+    @staticmethod
+    def _remove(path: Path) -> None:
+        try:
+            path.unlink(missing_ok=True)
+        except OSError as error:
+            raise OutputError.of(str(path), error) from None
 
 
 def serve(
@@ -111,15 +162,23 @@ def serve(
     port: int = 0,
     ready: Callable[[str], None] | None = None,
     saved: Callable[[list[str]], None] | None = None,
+    trouble: Callable[[str], None] | None = None,
 ) -> None:
-    """Serve the labelling page until KeyboardInterrupt, which is passed on.
+    """Serve the labelling page until KeyboardInterrupt, which is passed on after a running save.
 
-    ``ready`` is called with the URL; the other parameters are those of ``LabelServer``.
+    ``ready`` is called with the URL; the other parameters are those of ``LabelServer``. Raises
+    UsageError if another process serves the folder.
     """
-    with LabelServer(frames, pictures, folder, port=port, saved=saved) as server:
-        if ready is not None:
-            ready(server.url)
-        server.serve_forever(poll_interval=0.2)
+    with (
+        folder_lock(folder),
+        LabelServer(frames, pictures, folder, port=port, saved=saved, trouble=trouble) as server,
+    ):
+        try:
+            if ready is not None:
+                ready(server.url)
+            server.serve_forever(poll_interval=0.2)
+        finally:
+            server.finish()
 
 
 def _earlier_drawing(folder: Path, frames: Sequence[Frame]) -> masks.Drawing:
@@ -200,13 +259,14 @@ class _Handler(BaseHTTPRequestHandler):
             self._save(self.rfile.read(int(length)))
 
     def _save(self, content: bytes) -> None:
-        try:
-            names = self.server.save(content)
-        except MssegmentError as error:
-            self._refuse(HTTPStatus.BAD_REQUEST, str(error))
-            return
-        text = f"Saved {', '.join(names)} in {self.server.folder}"
-        self._answer(HTTPStatus.OK, text.encode(), "text/plain")
+        with self.server.saving:
+            try:
+                names = self.server.save(content)
+            except MssegmentError as error:
+                self._refuse(HTTPStatus.BAD_REQUEST, str(error))
+                return
+            text = f"Saved {', '.join(names)} in {self.server.folder}"
+            self._answer(HTTPStatus.OK, text.encode(), "text/plain")
 
     def _requested(self) -> str | None:
         """The path below the secret part of the URL; None if the request was refused."""
