@@ -20,7 +20,7 @@ from mssegment.documents import (
     write_document,
 )
 from mssegment.folders import ResultFolder
-from mssegment.inputs.files import read_file
+from mssegment.inputs.files import is_pipe, read_file
 from mssegment.records import Record
 from mssegment.resources import Timings
 from mssegment.results import Results
@@ -186,7 +186,7 @@ def open_tracks(configuration: Configuration) -> TracksDocument | None:
     path = configuration.input.tracks
     if path is None:
         return None
-    if path != STANDARD and not Path(path).is_fifo() and _is_document(path):
+    if path != STANDARD and not is_pipe(path) and _is_document(path):
         document = read_document(path, TracksDocument)
     else:
         document = pipeline.import_tracks(path)
@@ -200,7 +200,7 @@ def are_tracks(path: str) -> bool:
     from mssegment.imaging.pictures import looks_like_picture
 
     name = path if os.path.exists(path) else path.rpartition("#")[0] or path
-    if path == STANDARD or Path(name).is_fifo():  # pictures are read more than once
+    if path == STANDARD or is_pipe(name):  # pictures are read more than once
         return True
     if not os.path.isfile(name):
         return Path(name).suffix.lower() in _TRACK_FILES

@@ -120,7 +120,7 @@ def test_an_alias_of_itself_is_said(text: str) -> None:
 
 @given(st.text())
 def test_printable_text_has_nothing_that_a_terminal_obeys(text: str) -> None:
-    hidden = {"Cc", "Cf", "Cs", "Zl", "Zp"}
+    hidden = {"Cc", "Cf", "Cn", "Co", "Cs", "Zl", "Zp"}
     assert not {unicodedata.category(letter) for letter in printable(text)} & hidden
     lines = printable_lines(text)
     assert not {unicodedata.category(letter) for letter in lines if letter not in "\n\t"} & hidden

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -54,7 +55,7 @@ def read_annotations(paths: Sequence[str]) -> Annotations:
 
 def _files(given: str) -> list[str]:
     """The files that an argument names; of a folder its pictures, or else its JSON and XML."""
-    if Path(given).is_dir():
+    if os.path.isdir(given):
         inside = sorted((str(path) for path in Path(given).iterdir()), key=natural_key)
         for suffixes in (PICTURE_SUFFIXES, _TREES):
             found = [path for path in inside if Path(path).suffix.lower() in suffixes]

@@ -210,13 +210,16 @@ def numbers_of(value: Any) -> Floats | None:
         rows, columns = own.get("rows"), own.get("cols")
         if flat is None or rows is None or columns is None:
             return flat
-        shape = int(rows), int(columns)
+        try:
+            shape = int(rows), int(columns)
+        except (TypeError, ValueError, OverflowError):
+            return None
         return flat.reshape(shape) if flat.size == shape[0] * shape[1] else flat
     if isinstance(value, str):
         value = re.split(r"[\s,;]+", value.strip("[]() \n"))
     try:
         found = np.array(value, dtype=np.float64)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         return None
     return np.squeeze(found) if found.ndim > 2 else found
 

@@ -47,7 +47,10 @@ def of_yaml(text: str, name: str) -> dict[str, Any]:
         mark = error.problem_mark
         place = f":{mark.line + 1}:{mark.column + 1}" if mark else ""
         raise ConfigurationError(f"{name}{place}: not YAML ({error.problem})") from None
-    except (yaml.YAMLError, ValueError, OverflowError, TypeError, RecursionError) as error:
+    except (
+        *(yaml.YAMLError, ValueError, OverflowError, TypeError, RecursionError),
+        *(AttributeError, KeyError, IndexError),  # a scalar that is not what its tag says
+    ) as error:
         raise ConfigurationError(f"{name}: not YAML ({' '.join(str(error).split())})") from None
     return found if isinstance(found, dict) else {}
 

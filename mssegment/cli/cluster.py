@@ -16,7 +16,8 @@ from mssegment.cli.common import (
     settings_options,
 )
 from mssegment.configuration import Setting, resolve
-from mssegment.documents import HypothesesDocument
+from mssegment.documents import STANDARD, HypothesesDocument
+from mssegment.errors import DataError
 
 KEYS = (
     "cluster.method",
@@ -57,6 +58,7 @@ def command(
     """
     resolve(settings)  # reports an invalid option before anything is read
     hypotheses = read_argument(document, HypothesesDocument)
+    _check(hypotheses, document)
     start = time.perf_counter()
     from mssegment import pipeline
     from mssegment.history import inherited
@@ -68,3 +70,14 @@ def command(
     with console.working("cluster"):
         segmentation = pipeline.cluster(hypotheses, configuration, threads)
     console.deliver(segmentation, output, start)
+
+
+def _check(hypotheses: HypothesesDocument, document: str) -> None:
+    """Raises DataError, naming the document, if a set does not fit its model."""
+    from mssegment.stage_checks import check_sets
+
+    try:
+        check_sets(hypotheses.sets)
+    except DataError as error:
+        name = "standard input" if document == STANDARD else document
+        raise DataError(f"{name}: {error}") from None

@@ -70,6 +70,8 @@ _WORDS = {
     for form in (word, word.capitalize(), word.upper())
 }
 """Words that YAML 1.1 does not read as text."""
+LARGEST_NUMBER = 2**53
+"""Whole numbers up to this one are exact in documents, whatever reads them."""
 _PREFIX = "MSSEGMENT_"
 _OTHER_VARIABLES = ("MSSEGMENT_DATA",)
 """Variables of the benchmarks and tests."""
@@ -299,9 +301,13 @@ def _convert(setting: Setting) -> Any:
             value = float(value)
     if isinstance(value, float) and not math.isfinite(value):
         raise setting.error(f"{setting.origin}: {setting.key} is {value}; expected a finite number")
+    if isinstance(value, int) and abs(value) > LARGEST_NUMBER:
+        raise setting.error(
+            f"{setting.origin}: {setting.key} is {value}; expected at most {LARGEST_NUMBER}"
+        )
     try:
         return msgspec.convert(value, key.type)
-    except msgspec.ValidationError:
+    except (msgspec.ValidationError, UnicodeEncodeError):
         raise setting.error(
             f"{setting.origin}: {setting.key} is {value!r}; expected {key.expected}"
         ) from None

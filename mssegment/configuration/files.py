@@ -17,6 +17,11 @@ from mssegment.errors import ConfigurationError
 from mssegment.inputs.files import read_file
 from mssegment.inputs.yaml_nodes import check_nodes
 
+_NO_VALUE = (
+    *(yaml.YAMLError, ValueError, OverflowError, TypeError, RecursionError),
+    *(AttributeError, KeyError, IndexError),
+)
+"""What PyYAML raises for a scalar that is not what its form or its tag says."""
 _PATH_KEYS = ("input.images", "input.tracks", "camera.file", "report.labels")
 
 
@@ -84,7 +89,7 @@ def _value(node: yaml.Node, origin: str) -> Any:
     loader = yaml.SafeLoader("")
     try:
         return loader.construct_document(node)
-    except (yaml.YAMLError, ValueError, OverflowError, TypeError, RecursionError) as error:
+    except _NO_VALUE as error:
         # a scalar that looks like a date or a number but is not one, or a mapping as a key
         reason = getattr(error, "problem", None) or error
         raise ConfigurationError(f"{origin}: not a plain YAML value ({reason})") from None

@@ -11,7 +11,7 @@ from typing import Any
 
 from mssegment.errors import DataError
 from mssegment.inputs import limits
-from mssegment.inputs.files import read_file
+from mssegment.inputs.files import check_name, read_file
 
 Variables = Mapping[str, Any]
 """The content of a file by name: variables, arrays, columns or tables."""
@@ -52,6 +52,7 @@ class InputFile:
         name, member = str(path), ""
         if "#" in name and not os.path.exists(name):
             name, _, member = name.rpartition("#")
+        check_name(name)
         return cls(name, read_file(name, expected="a file of tracks"), member)
 
     @property

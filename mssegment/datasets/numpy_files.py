@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import tokenize
 import zipfile
 import zlib
 from typing import Any
@@ -16,7 +17,7 @@ from mssegment.inputs.numpy_headers import check_arrays
 _DAMAGED = (
     *(OSError, ValueError, EOFError, KeyError, TypeError, AttributeError, SyntaxError),
     *(NotImplementedError, RuntimeError, OverflowError, MemoryError, RecursionError),
-    *(zipfile.BadZipFile, zlib.error),
+    *(zipfile.BadZipFile, zlib.error, tokenize.TokenError),
 )
 """What numpy and zipfile raise on damaged files: the header of an array is a Python literal."""
 

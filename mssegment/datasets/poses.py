@@ -82,10 +82,12 @@ def read_measurements(content: bytes, name: str, shape: tuple[int, ...] | None) 
 def _numbers(values: object, name: str) -> Floats:
     try:
         array = np.asarray(values, dtype=np.float64)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         raise DataError(
             f"{name}: the measurements are no numbers, or not all of one shape"
         ) from None
+    if not array.ndim or not array.size:
+        raise DataError(f"{name}: no measurements; expected one in each line")
     finite = np.isfinite(array).reshape(len(array), -1).all(axis=1)
     if not finite.all():
         raise DataError(f"{name}: measurement {int(np.argmin(finite))} is not finite")
@@ -95,7 +97,7 @@ def _numbers(values: object, name: str) -> Floats:
 def _from_json(content: bytes, name: str) -> Floats:
     try:
         values = json.loads(content)
-    except (ValueError, UnicodeDecodeError) as error:
+    except (ValueError, RecursionError) as error:
         raise DataError(f"{name}: damaged JSON ({error})") from None
     if isinstance(values, dict):
         lists = [value for value in values.values() if isinstance(value, list)]

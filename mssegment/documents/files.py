@@ -47,9 +47,9 @@ def write_bytes(path: str, content: bytes) -> None:
         _write_standard(content)
         return
     target = Path(os.path.realpath(path))
-    if target.is_dir():
+    if os.path.isdir(target):
         raise UsageError(f"{path}: this is a folder; expected a file, such as one inside it")
-    if target.exists() and not target.is_file():
+    if os.path.exists(target) and not os.path.isfile(target):
         _write_into(path, content)
         return
     temporary = target.with_name(f".{target.name}.{os.urandom(6).hex()}")

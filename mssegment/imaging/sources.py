@@ -10,6 +10,7 @@ from pathlib import Path
 
 from mssegment.errors import DataError
 from mssegment.imaging import pictures
+from mssegment.inputs.files import check_name
 
 _URL = re.compile(r"[a-z][a-z0-9+.-]*://", re.IGNORECASE)
 _PRINTF = re.compile(r"%(0?)(\d*)d")
@@ -67,13 +68,7 @@ def _check(given: str) -> None:
         raise DataError(
             f"{given}: cameras are not opened by their number; record a video and name that"
         )
-    try:
-        given.encode("utf-8")
-    except UnicodeEncodeError:
-        shown = given.encode("utf-8", "surrogateescape").decode("utf-8", "backslashreplace")
-        raise DataError(
-            f"{shown}: the name is not UTF-8, and documents cannot hold it; rename the file"
-        ) from None
+    check_name(given)
     if os.path.exists(given) and not os.path.isdir(given):
         mode = os.stat(given).st_mode
         if stat.S_ISFIFO(mode) or stat.S_ISSOCK(mode):

@@ -136,10 +136,10 @@ def tiff_pages(content: bytes) -> list[int]:
 
 def _gif_frames(content: bytes) -> int:
     """The number of pictures in a GIF."""
+    frames = 0
     try:
         flags = content[10]
         place = 13 + (3 << ((flags & 7) + 1) if flags & 0x80 else 0)
-        frames = 0
         while True:
             block = content[place]
             if block == 0x2C:

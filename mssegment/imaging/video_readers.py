@@ -81,6 +81,8 @@ def _read_by_pyav(path: str, start: int, stop: int | None, step: int) -> Iterato
         if not container.streams.video:
             raise DataError(f"{path}: {_reason(path, 'no video stream')}")
         stream = container.streams.video[0]
+        if stream.codec_context is None:
+            raise DataError(f"{path}: {_reason(path, 'no decoder for its codec')}")
         stream.thread_type = "AUTO"
         _check_size(path, stream.width or 0, stream.height or 0)
         stream.codec_context.options = {"max_pixels": str(largest)}

@@ -9,10 +9,32 @@ import time
 
 from mssegment.errors import DataError, MssegmentError
 from mssegment.inputs import limits
+from mssegment.inputs.text import printable
 
 _PIECE = 1 << 20
 _PATIENCE = 2.0
 """Seconds that a named pipe may wait for a program that writes into it."""
+
+
+def is_pipe(path: str) -> bool:
+    """Whether a path names a pipe, such as ``<(...)`` of a shell."""
+    try:
+        return stat.S_ISFIFO(os.stat(path).st_mode)
+    except (OSError, ValueError):
+        return False
+
+
+def check_name(path: str, error: type[MssegmentError] = DataError) -> None:
+    """Raises ``error`` for a name that a document cannot hold: not UTF-8, or with a zero byte."""
+    if "\0" in path:
+        raise error(f"{printable(path)}: not a possible name of a file; check it")
+    try:
+        path.encode("utf-8")
+    except UnicodeEncodeError:
+        raise error(
+            f"{printable(path)}: the name is not UTF-8, and documents cannot hold it; rename the "
+            "file"
+        ) from None
 
 
 def read_file(

@@ -40,7 +40,7 @@ def check_arrays(content: bytes, where: str, error: type[MssegmentError]) -> Non
                 for member in archive.infolist():
                     with archive.open(member) as file:
                         total += _stated(file)
-    except (ValueError, OSError, EOFError, NotImplementedError, RuntimeError, zipfile.BadZipFile):
+    except Exception:  # the header is a Python literal: numpy's parser raises many types of error
         return
     limits.check("unpacked_bytes", total, where, error)
 
