@@ -30,7 +30,8 @@ from typing import Any
 
 from hypothesis import HealthCheck, Phase, given, seed, settings
 
-from benchmarks.fuzz_inputs import KINDS, Case, whole_files
+from benchmarks.fuzz_files import whole_files
+from benchmarks.fuzz_inputs import KINDS, Case
 from mssegment.cli import invoke
 
 CPU_SECONDS = 5.0

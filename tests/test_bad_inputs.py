@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from benchmarks.fuzz_inputs import whole_files
+from benchmarks.fuzz_files import whole_files
 from mssegment.cli import LONGEST_ERROR, invoke
 from tests.bad_inputs import TABLE, Bad
 
