@@ -12,12 +12,14 @@ import sys
 import time
 from collections import Counter
 from collections.abc import Callable
+from concurrent.futures import Future
+from contextlib import nullcontext
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from mssegment.batch import items_of
+from mssegment.batch import Batch, items_of, pools
 from mssegment.batch.fingerprint import fingerprint
 from mssegment.batch.ledger import LEDGER, Entry, Ledger
 from mssegment.batch.shipping import packed, segment_parcel, unpacked
@@ -50,6 +52,25 @@ def matches(tmp_path: Path) -> Path:
     for seed in range(4):
         write_matches(folder / f"{seed}.csv", seed)
     return folder
+
+
+class Here:
+    """A pool that does the work at once, in this process: no process has to be started."""
+
+    width = 1
+
+    def submit(self, task: Task) -> Future[Outcome]:
+        future: Future[Outcome] = Future()
+        future.set_result(segment_item(task))
+        return future
+
+    def stop(self) -> None: ...
+
+
+@pytest.fixture
+def here(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Batches without ``--scheduler`` work in this process."""
+    monkeypatch.setattr(pools, "local_pool", lambda jobs, threads: nullcontext(Here()))
 
 
 def run(*arguments: object) -> int:
@@ -170,6 +191,7 @@ def test_one_and_two_processes_write_the_same_bytes(matches: Path, tmp_path: Pat
     ]
 
 
+@pytest.mark.usefixtures("here")
 def test_only_what_is_missing_or_has_changed_is_done(matches: Path, tmp_path: Path) -> None:
     out = tmp_path / "out"
     assert run(matches, "--out", out, "--jobs", 1) == 0
@@ -190,6 +212,7 @@ def test_only_what_is_missing_or_has_changed_is_done(matches: Path, tmp_path: Pa
     assert [len(item["found"]["motions"]) for item in summary["items"]] == [1] * 4
 
 
+@pytest.mark.usefixtures("here")
 def test_failures_are_kept_said_and_retried_on_demand(
     matches: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
@@ -215,6 +238,7 @@ def test_failures_are_kept_said_and_retried_on_demand(
     assert "Failed" not in (out / "index.html").read_text()
 
 
+@pytest.mark.usefixtures("here")
 def test_fail_fast_stops_at_the_first_failure(matches: Path, tmp_path: Path) -> None:
     out = tmp_path / "out"
     (matches / "0.csv").unlink()
@@ -283,27 +307,16 @@ def test_a_full_disk_ends_the_batch_and_loses_nothing(
 ) -> None:
     out = tmp_path / "out"
 
-    class Full:
+    class Full(Here):
         """A pool whose second item finds the disk full."""
 
-        width = 1
-        tasks = 0
-
-        def submit(self, task: Task) -> object:
-            from concurrent.futures import Future
-
+        def submit(self, task: Task) -> Future[Outcome]:
+            if task.name != "1":
+                return super().submit(task)
             future: Future[Outcome] = Future()
-            self.tasks += 1
-            if self.tasks == 2:
-                error = f"{task.out}/tracks.json: cannot be written (No space left on device)"
-                future.set_result(Outcome(error=error, status=2, cannot_write=True))
-            else:
-                future.set_result(segment_item(task))
+            error = f"{task.out}/tracks.json: cannot be written (No space left on device)"
+            future.set_result(Outcome(error=error, status=2, cannot_write=True))
             return future
-
-        def stop(self) -> None: ...
-
-    from mssegment.batch import Batch
 
     settings = [Setting("report.pictures", False, "test"), Setting("report.html", False, "test")]
     batch = Batch(items_of([str(matches)], settings), str(out))
@@ -311,7 +324,7 @@ def test_a_full_disk_ends_the_batch_and_loses_nothing(
         batch.run(ledger, Full())
     assert states(out) == [("0", "done")]
     with batch.opened() as ledger:
-        batch.run(ledger, Full.__new__(type("Free", (Full,), {"tasks": 2})))
+        batch.run(ledger, Here())
     assert Counter(states(out)) == Counter(
         [("0", "done"), ("0", "skipped"), ("1", "done"), ("2", "done"), ("3", "done")]
     )
@@ -359,6 +372,7 @@ def scheduler(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> object:
         process.wait(30)
 
 
+@pytest.mark.usefixtures("here")
 def test_a_dask_cluster_writes_the_same_bytes(
     scheduler: str, matches: Path, tmp_path: Path
 ) -> None:

@@ -158,10 +158,11 @@ class Batch(State):
                 report(len(results), len(self.items), "items")
                 on_result(result)
                 if self.fail_fast and result.has_failed:
-                    pool.stop()
                     break
         finally:
-            self._sweep(results)
+            if len(results) < len(self.items):
+                pool.stop()
+                self._sweep(results)
         return [results.get(item.name, Result(item, "not started")) for item in self.items]
 
     def _results(self, ledger: Ledger, pool: Pool) -> Iterator[Result]:

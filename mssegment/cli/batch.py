@@ -128,14 +128,21 @@ def command(
     batch = Batch(items, out, retry_failed, fail_fast=not keep_going)
     width = max(12, *(len(item.name) for item in items))
 
+    ended: list[str] = []
+
     def show(result: Result) -> None:
+        ended.append(result.item.name)
         if not console.quiet:
             print(f"{result.item.name:<{width}} {_sentence(result)}", file=sys.stderr)
 
     with batch.opened() as ledger:
         pools = local_pool(jobs, max(1, cores // jobs)) if scheduler is None else None
         with pools or dask_pool(scheduler or "", jobs, ship) as pool, console.working("batch"):
-            results = batch.run(ledger, pool, show)
+            try:
+                results = batch.run(ledger, pool, show)
+            except KeyboardInterrupt:
+                console.note(f"{len(ended)} of {len(items)} items; the same command goes on")
+                raise
         write_summary(results, out)
     _put(results, chosen_format(form, console))
     if not console.quiet:

@@ -6,6 +6,7 @@ import errno
 import os
 import sys
 import time
+from contextlib import suppress
 from pathlib import Path
 
 import msgspec
@@ -89,7 +90,8 @@ class FolderLock:
         self._file = file
         os.ftruncate(file, 0)
         os.lseek(file, 0, os.SEEK_SET)
-        os.write(file, msgspec.json.encode(_this_process()))
+        with suppress(OSError):  # on a full disk, the lock holds without a name
+            os.write(file, msgspec.json.encode(_this_process()))
 
     def release(self) -> None:
         """Remove the lock file, and the folder if nothing else is in it."""
