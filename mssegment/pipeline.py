@@ -226,7 +226,12 @@ def hypothesize(
     check_sampling(options, strategy, frames)
     if nothing_moves(background.status, options.models(frames)):
         drawn = Hypotheses(strategy, ())
-        notes = (*notes, "nothing else moves; there are no motions to find")
+        moving = int((background.status == OUTLIER).sum())
+        notes = (
+            *notes,
+            f"tracks that move: {moving} of {len(points)}, too few for a motion; there are no "
+            "motions to find",
+        )
     else:
         drawn = draw(
             points,

@@ -22,6 +22,8 @@ _NOTHING = frozenset(("background", "_background_", "bg"))
 _SUBPIXEL_BITS = 4
 _FINER = 5
 """Samples per pixel along each axis, odd, so that one lies in the centre."""
+_STRIP = 512
+"""Rows of a picture that are filled at once."""
 LARGEST_SIDE = 100_000
 """Largest side of a frame, in pixels, that an annotation may state."""
 
@@ -179,19 +181,24 @@ def _fill(mask: Integers, polygons: Sequence[Floats], value: int) -> None:
     the sample at the centre of each pixel decides.
     """
     points = np.concatenate(polygons)
+    if not len(points):
+        return
     low = np.maximum(np.floor(points.min(axis=0)).astype(int), 0)
     high = np.minimum(np.ceil(points.max(axis=0)).astype(int), mask.shape[::-1])
-    width, height = np.maximum(high - low, 0)
-    fine = np.zeros((height * _FINER, width * _FINER), np.uint8)
-    if not fine.size:
-        return
-    outlines = [
-        np.rint(((polygon - low) * _FINER - 0.5) * 2**_SUBPIXEL_BITS).astype(np.int32)
-        for polygon in polygons
-    ]
-    cv2.fillPoly(fine, outlines, 1, shift=_SUBPIXEL_BITS)
-    inside = fine[_FINER // 2 :: _FINER, _FINER // 2 :: _FINER] > 0
-    mask[low[1] : high[1], low[0] : high[0]][inside] = value
+    for top in range(low[1], high[1], _STRIP):
+        # in strips: the finer grid of a large picture would take 25 times its memory
+        start, stop = np.array([low[0], top]), np.array([high[0], min(top + _STRIP, high[1])])
+        width, height = np.maximum(stop - start, 0)
+        fine = np.zeros((height * _FINER, width * _FINER), np.uint8)
+        if not fine.size:
+            return
+        outlines = [
+            np.rint(((polygon - start) * _FINER - 0.5) * 2**_SUBPIXEL_BITS).astype(np.int32)
+            for polygon in polygons
+        ]
+        cv2.fillPoly(fine, outlines, 1, shift=_SUBPIXEL_BITS)
+        inside = fine[_FINER // 2 :: _FINER, _FINER // 2 :: _FINER] > 0
+        mask[top : stop[1], start[0] : stop[0]][inside] = value
 
 
 def polygon_of(values: Any, where: str) -> Floats:

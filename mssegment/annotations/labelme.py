@@ -48,7 +48,7 @@ def read(tree: Tree, path: str) -> tuple[list[ShapedFrame], list[str]]:
         count[label] += group is None
         shapes.append(Shape(key, label, (outline,)))
     width, height = tree.get("imageWidth"), tree.get("imageHeight")
-    if not isinstance(width, int) or not isinstance(height, int):
+    if type(width) is not int or type(height) is not int:  # true is an int, too
         raise DataError(f"{path}: no imageWidth and imageHeight; save the labels again")
     notes = [f"{path}: {number} {kind}s left out" for kind, number in left_out.items()]
     return [ShapedFrame(str(tree["imagePath"]), None, width, height, tuple(shapes))], notes

@@ -34,7 +34,12 @@ def read_camera(path: str) -> Camera:
     """
     file, name = _opened(path)
     for form in CAMERAS.values():
-        found: dict[str, Camera] = form.read(file)
+        try:
+            found: dict[str, Camera] = form.read(file)
+        except (ValueError, TypeError, OverflowError) as error:
+            raise ConfigurationError(
+                f"{file.name}: a damaged camera file ({error}); write it again"
+            ) from None
         if found:
             return _chosen(found, file, name)
     raise ConfigurationError(f"{file.name}: {_looks_like(file)}")

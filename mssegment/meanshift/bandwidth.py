@@ -19,6 +19,8 @@ of equal points."""
 HYPOTHESES_ROUNDING, POINTS_ROUNDING = 3e-7, 1e-13
 """Distances below these shares of a typical one are rounding errors: of hypotheses, which fits to
 noise-free tracks compute with a loss of digits, and of points as they are given."""
+SMALL_CHANGE = 2.0**-26
+"""A relative change of which the square is a rounding error."""
 COINCIDENT = 0.25
 """Where most points coincide, h is this share of the smallest distance, at which two equal heaps of
 points are two modes (they are up to h = half their distance)."""
@@ -82,6 +84,7 @@ def nearest_neighbour_bandwidth(
     sample = points if n <= sample_size else points[rng.choice(n, sample_size, replace=False)]
     neighbour = min(max(1, round(fraction * n)), n - 1)
     noise = ROUNDING * float(manifold.dist(sample, sample).max(initial=0.0))
+    noise = max(noise, rounding * _relative_distance(manifold, sample))
     unit = _unit_of_distance(manifold, sample, noise)
     prepared = manifold.prepare(points, unit)
     starts = range(0, len(sample), prepared.block_rows)
@@ -97,6 +100,18 @@ def nearest_neighbour_bandwidth(
         found, smallest = _one_by_one(manifold, points, sample, neighbour, share, noise)
         return constant * found if found > noise else COINCIDENT * smallest
     return constant * scaled * unit
+
+
+def _relative_distance(manifold: Manifold, sample: Floats) -> float:
+    """How far a change of the entries moves a point, per relative change: its size in distances.
+
+    Where all points are equal, their distances are rounding errors and cannot be their own measure.
+    """
+    # an irregular change: a regular one may be a direction that the manifold does not have
+    change = np.cos(np.arange(sample[0].size) ** 2.0).reshape(sample.shape[1:])
+    moved = manifold.dist(sample, sample * (1.0 + SMALL_CHANGE * change))
+    finite = moved[np.isfinite(moved)]
+    return median(finite) / SMALL_CHANGE if finite.size else 0.0
 
 
 def _unit_of_distance(manifold: Manifold, sample: Floats, noise: float) -> float:

@@ -153,32 +153,37 @@ class ModeSearch(Record, frozen=True):
         Returns the indices of those that have not returned, which may be saddle points, and where
         their perturbed copies are.
         """
-        push = PERTURBATION * self.bandwidth * self._directions(points, prepared, x, rng)
-        check = _ReturnCheck(self, x, density)
-        perturbed = self.manifold.exp(x, push)
+        directions, reach = self._directions(points, prepared, x, rng)
+        # a bandwidth far wider than the data must not push the ends out of them
+        push = self.bandwidth * min(PERTURBATION, reach or PERTURBATION)
+        check = _ReturnCheck(self, x, density, push)
+        perturbed = self.manifold.exp(x, push * directions)
         ascent = self.ascend(prepared, perturbed, TRAJECTORY_TOLERANCE, prune=check)
         escaped = np.flatnonzero(~check.returned)
         return escaped, ascent.x[escaped]
 
     def _directions(
         self, points: Floats, prepared: PreparedPoints, x: Floats, rng: np.random.Generator
-    ) -> Floats:
+    ) -> tuple[Floats, float]:
         """Unit tangents at ``x`` to the nearest of the points that are not very near.
 
-        Unlike random ones they do not depend on coordinates, nor on the order of the points. Random
-        ones replace those that do not exist.
+        With them the distance to the farthest of the points, in bandwidths. Unlike random ones
+        they do not depend on coordinates, nor on the order of the points. Random ones replace those
+        that do not exist.
         """
         directions = self.manifold.random_tangent(x, rng)
+        farthest = 0.0
         for start in range(0, len(x), prepared.block_rows):
             rows = slice(start, start + prepared.block_rows)
             z = prepared.block(x[rows]).scaled_sq_dist
+            farthest = max(farthest, float(z.max(initial=0.0, where=np.isfinite(z))))
             z[z < NOT_VERY_NEAR**2] = np.inf
             nearest = np.argmin(z, axis=1)
             pull = self.manifold.neg_half_grad_sq_dist(x[rows], points[nearest])
             length = self.manifold.norm(x[rows], pull)
             usable = np.isfinite(z[np.arange(len(z)), nearest]) & (length > 0)
             directions[rows][usable] = scaled(1.0 / length[usable], pull[usable])
-        return directions
+        return directions, float(np.sqrt(farthest))
 
     def refine_without_saddles(
         self, points: Floats, x: Floats, copies: Floats, of: Integers
@@ -237,9 +242,9 @@ class _ReturnCheck:
     one that leaves a saddle point gets denser.
     """
 
-    def __init__(self, search: ModeSearch, x: Floats, density: Floats) -> None:
+    def __init__(self, search: ModeSearch, x: Floats, density: Floats, push: float) -> None:
         self.manifold, self.x, self.density = search.manifold, x, density
-        self.within = 0.5 * PERTURBATION * search.bandwidth
+        self.within = 0.5 * push
         self.returned = np.zeros(len(x), dtype=bool)
 
     def __call__(self, ascent: Ascent, active: Integers) -> Mask:
