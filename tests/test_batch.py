@@ -58,6 +58,7 @@ class Here:
     """A pool that does the work at once, in this process: no process has to be started."""
 
     width = 1
+    is_lost = False
 
     def submit(self, task: Task) -> Future[Outcome]:
         future: Future[Outcome] = Future()
@@ -412,6 +413,18 @@ def test_shipped_files_leave_no_trace_in_the_results(
     assert outcomes[0].facts == outcomes[1].facts
     assert outcomes[2].error == outcomes[3].error != ""
     assert contents(tmp_path / "direct") == contents(tmp_path / "shipped")
+
+
+def test_a_pool_that_is_lost_ends_the_batch(matches: Path, tmp_path: Path) -> None:
+    class Lost(Here):
+        is_lost = True
+
+        def submit(self, task: Task) -> Future[Outcome]:
+            return Future()  # no answer will come
+
+    batch = Batch(items_of([str(matches)]), str(tmp_path / "out"))
+    with batch.opened() as ledger, pytest.raises(DataError, match="is lost; run the same batch"):
+        batch.run(ledger, Lost())
 
 
 def test_without_dask_the_extra_is_named(

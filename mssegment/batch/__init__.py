@@ -184,7 +184,10 @@ class Batch(State):
                         continue
                     task = found
                 running[pool.submit(task)] = item, task
-            for future in wait(running, return_when=FIRST_COMPLETED).done:
+            ended = wait(running, timeout=1.0, return_when=FIRST_COMPLETED).done
+            if not ended and pool.is_lost:
+                raise DataError(_LOST)
+            for future in ended:
                 item, task = running.pop(future)
                 try:
                     yield _result(item, task, future.result())

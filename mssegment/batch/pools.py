@@ -31,6 +31,10 @@ class Pool(Protocol):
     def width(self) -> int:
         """The number of items that are worth submitting at a time."""
 
+    @property
+    def is_lost(self) -> bool:
+        """Whether no answer will come any more."""
+
     def submit(self, task: Task) -> Future[Outcome]:
         """Have a worker segment an item; its future may raise WorkerDied."""
 
@@ -51,6 +55,8 @@ class LocalPool:
     threads : int
         Number of threads of each process for OpenCV.
     """
+
+    is_lost = False
 
     def __init__(self, jobs: int, threads: int) -> None:
         self.width = jobs
@@ -169,6 +175,11 @@ class DaskPool:
         """All items, as the scheduler scales its cluster by them; few that hold their files."""
         return 2 * max(1, sum(self._client.nthreads().values())) if self._ship else 1_000_000
 
+    @property
+    def is_lost(self) -> bool:
+        """Whether the client has given up to reach the scheduler."""
+        return self._client.status in ("closing", "closed")
+
     def submit(self, task: Task) -> Future[Outcome]:
         """Have a worker segment an item."""
         from distributed.scheduler import KilledWorker
@@ -196,7 +207,8 @@ class DaskPool:
 
     def stop(self) -> None:
         """Take back all items; a worker completes the one that it has begun."""
-        self._executor.shutdown(wait=False)
+        if not self.is_lost:
+            self._executor.shutdown(wait=False)
 
 
 def _segment_on_one_core(sent: Task | Parcel) -> Outcome | Answer:
