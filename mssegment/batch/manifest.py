@@ -52,7 +52,11 @@ def is_manifest(path: str) -> bool:
     if suffix in _TABLES:
         with Path(path).open("rb") as file:
             head = file.readline(100_000).decode("utf-8-sig", "replace")
-        return any(_is_column(cell) for cell in next(csv.reader([head], delimiter=_TABLES[suffix])))
+        try:
+            cells = next(csv.reader([head], delimiter=_TABLES[suffix]))
+        except csv.Error:
+            return False
+        return any(_is_column(cell) for cell in cells)
     return False
 
 
