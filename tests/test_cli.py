@@ -408,7 +408,16 @@ def test_something_unforeseen_has_its_own_status(
     assert len(outcome.err.splitlines()) == 1
 
 
-def test_ctrl_c_ends_with_130_and_leaves_nothing(tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("number", "status", "word"),
+    [
+        (signal.SIGINT, ExitStatus.INTERRUPTED, "interrupted"),
+        (signal.SIGTERM, ExitStatus.TERMINATED, "terminated"),
+    ],
+)
+def test_a_signal_that_ends_a_run_leaves_nothing(
+    number: int, status: int, word: str, tmp_path: Path
+) -> None:
     out = tmp_path / "out"
     process = subprocess.Popen(
         [*MSSEGMENT, "run", *AFFINE, "--out", str(out)],
@@ -420,10 +429,10 @@ def test_ctrl_c_ends_with_130_and_leaves_nothing(tmp_path: Path) -> None:
     deadline = time.monotonic() + 60
     while not any(tmp_path.iterdir()) and process.poll() is None and time.monotonic() < deadline:
         time.sleep(0.01)
-    process.send_signal(signal.SIGINT)
+    process.send_signal(number)
     _, err = process.communicate(timeout=60)
-    assert process.returncode == ExitStatus.INTERRUPTED
-    assert err.splitlines()[-1] == "mssegment: interrupted"
+    assert process.returncode == status
+    assert err.splitlines()[-1] == f"mssegment: {word}"
     assert not list(tmp_path.iterdir())
 
 

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
-import _thread
+import os
 import signal
 import sys
+import threading
 from types import FrameType
 from typing import Any
+
+AGAIN = 0.01
+"""Seconds after which a signal comes again whose exception was lost."""
 
 
 class Stopped(KeyboardInterrupt):
@@ -60,7 +64,11 @@ class Signals:
 
     def _again(self, unraisable: Any) -> None:
         """An exception that was lost, as in the removal of an object: the signal comes again."""
-        if isinstance(unraisable.exc_value, Stopped):
-            _thread.interrupt_main(signal.Signals(unraisable.exc_value.number))
+        stopped = unraisable.exc_value
+        if isinstance(stopped, Stopped):
+            # later, from another thread: raised in here, it would be lost again
+            again = threading.Timer(AGAIN, os.kill, (os.getpid(), stopped.number))
+            again.daemon = True
+            again.start()
         else:
             sys.__unraisablehook__(unraisable)

@@ -21,7 +21,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from mssegment.errors import OutputError, UsageError
-from mssegment.folders.lock import LOCK, FolderLock
+from mssegment.folders.lock import LOCK, FolderLock, remove_if_free
 from mssegment.folders.replacing import Replacing
 from mssegment.records import State, field
 
@@ -215,16 +215,18 @@ def _create_parents(folder: Path, out: str) -> list[Path]:
 
 @contextmanager
 def _locked(work: Path, out: str, wait: float) -> Iterator[None]:
+    lock = None
     try:
-        lock = FolderLock(work, out, wait)
-    except OSError as error:
-        with suppress(OSError):
-            work.rmdir()
-        raise OutputError.of(out, error) from None
-    try:
+        try:
+            lock = FolderLock(work, out, wait)
+        except OSError as error:
+            raise OutputError.of(out, error) from None
         yield
     finally:
-        lock.release()
+        if lock is None:  # also after a signal in the middle
+            remove_if_free(work)
+        else:
+            lock.release()
 
 
 @contextmanager

@@ -70,28 +70,35 @@ class FolderLock:
     def __init__(self, work: Path, name: str, wait: float = 0.0) -> None:
         self._work, self._path = work, work / LOCK
         until = time.monotonic() + wait
-        while True:
-            file = self._open()
-            if file is None:
-                continue  # its last holder has just removed the folder
+        while (file := self._attempt(name, until)) is None:
+            pass
+        self._file = file
+
+    def _attempt(self, name: str, until: float) -> int | None:
+        """Open and lock the file; None if it has to be tried again."""
+        file = self._open()
+        if file is None:
+            return None  # its last holder has just removed the folder
+        try:
             if _try_lock(file):
-                if self._is_current(file):
-                    break
+                if _is_current(file, self._path):
+                    os.ftruncate(file, 0)
+                    os.lseek(file, 0, os.SEEK_SET)
+                    with suppress(OSError):  # on a full disk, the lock holds without a name
+                        os.write(file, msgspec.json.encode(_this_process()))
+                    kept, file = file, -1
+                    return kept
             elif time.monotonic() >= until:
-                holder = _holder_of(file)
-                os.close(file)
                 raise UsageError(
-                    f"{name}: {holder} is writing into it; wait until it ends, or name another "
-                    "folder"
+                    f"{name}: {_holder_of(file)} is writing into it; wait until it ends, or name "
+                    "another folder"
                 )
             else:
                 time.sleep(_POLL)
-            os.close(file)
-        self._file = file
-        os.ftruncate(file, 0)
-        os.lseek(file, 0, os.SEEK_SET)
-        with suppress(OSError):  # on a full disk, the lock holds without a name
-            os.write(file, msgspec.json.encode(_this_process()))
+        finally:
+            if file >= 0:
+                os.close(file)
+        return None
 
     def release(self) -> None:
         """Remove the lock file, and the folder if nothing else is in it."""
@@ -113,12 +120,26 @@ class FolderLock:
         except FileNotFoundError:
             return None
 
-    def _is_current(self, file: int) -> bool:
-        """Whether the locked file is the one that others find: its holder may have removed it."""
-        try:
-            return os.path.samestat(os.fstat(file), self._path.stat())
-        except FileNotFoundError:
-            return False
+
+def remove_if_free(work: Path) -> None:
+    """Remove the folder of a lock that no process holds, if nothing else is in it."""
+    with suppress(OSError):
+        if (work / LOCK).exists():
+            file = os.open(work / LOCK, os.O_RDWR)
+            try:
+                if _try_lock(file) and _is_current(file, work / LOCK):
+                    (work / LOCK).unlink()
+            finally:
+                os.close(file)
+        work.rmdir()
+
+
+def _is_current(file: int, path: Path) -> bool:
+    """Whether the locked file is the one that others find: its holder may have removed it."""
+    try:
+        return os.path.samestat(os.fstat(file), path.stat())
+    except FileNotFoundError:
+        return False
 
 
 def _try_lock(file: int) -> bool:
