@@ -331,7 +331,11 @@ class Motion(Record, frozen=True):
         ``factorization``: the subspace in pixels. The track with coefficients s [k] is
         ``origin`` + ``basis`` s.
     origin : ndarray [F, 2] of float64, optional
-        ``factorization``: see ``basis``.
+        ``factorization``: see ``basis``. Lines [1, d]: a point of the line, whose direction is
+        ``basis`` [1, d, 1]; subspaces: the origin, with an orthonormal ``basis`` [1, d, k].
+    coefficients : ndarray [d + 1] of float64, optional
+        Planes and hyperplanes: (a, b, ..., e) of ax + by + ... + e = 0 with (a, b, ...) of length
+        1.
     parts : tuple of Part
         The motions that were joined to this one, the largest first, if one epipolar geometry holds
         them together (``segmentation.rigid_join``). ``model`` and ``parameters`` are then those of
@@ -355,6 +359,7 @@ class Motion(Record, frozen=True):
     epipole: Floats | None = None
     basis: Floats | None = None
     origin: Floats | None = None
+    coefficients: Floats | None = None
     parts: tuple[Part, ...] = ()
     rigid_evidence: float | None = None
 

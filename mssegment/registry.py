@@ -104,6 +104,12 @@ MODELS: Registry[Any] = Registry(
         "homography": "mssegment.models.homography:Homography",
         "translation": "mssegment.models.translation:Translation",
         "factorization": "mssegment.models.factorization:Factorization",
+        "hyperplane": "mssegment.models.hyperplane:Hyperplane",
+        "subspace": "mssegment.models.subspace:Subspace",
+        "line": "mssegment.models.line:Line",
+        "plane": "mssegment.models.plane:Plane",
+        "quadric": "mssegment.models.quadric:Quadric",
+        "rigid3d": "mssegment.models.rigid3d:Rigid3D",
     },
     "mssegment.models",
 )

@@ -14,7 +14,7 @@ __all__ = ["EVIDENCE", "EXAMPLE_CAMERA", "MODELS", "Flags", "MotionModel"]
 __all__ += ["automatic", "class_named", "make", "of_set", "remarks"]
 
 
-def make(name: str, *, frames: int = 2, rank: int = 3) -> MotionModel:
+def make(name: str, *, frames: int = 2, rank: int = 3, dimension: int = 2) -> MotionModel:
     """Construct a motion model by name.
 
     Parameters
@@ -25,7 +25,9 @@ def make(name: str, *, frames: int = 2, rank: int = 3) -> MotionModel:
         Number of frames F of the tracks.
     rank : int
         Dimension k of the subspaces of a model that has ranks: 3 for planar, 4 for general motions.
-        Other models ignore it.
+        Of ``subspace``, their dimension. Other models ignore it.
+    dimension : int
+        Number of coordinates d of a point; models of pictures ignore it.
 
     Returns
     -------
@@ -51,7 +53,8 @@ def make(name: str, *, frames: int = 2, rank: int = 3) -> MotionModel:
     >>> bool(model.residuals(motions, observed, normalization).max() < 1e-6)
     True
     """
-    return class_named(name).build(frames, rank)
+    kind = class_named(name)
+    return kind.build(frames, rank) if kind.of_pictures else kind.build(frames, rank, dimension)
 
 
 def class_named(name: str) -> type[MotionModel]:
@@ -78,7 +81,11 @@ def of_set(hypotheses: HypothesisSet) -> MotionModel:
     if name not in MODELS and name not in EVIDENCE:
         known = ", ".join([*MODELS, *EVIDENCE])
         raise DataError(f"no model is called {name!r}; expected one of {known}")
-    model = class_named(name).on_manifold(from_name(hypotheses.manifold), len(hypotheses.frames))
+    model = class_named(name).on_manifold(
+        from_name(hypotheses.manifold),
+        len(hypotheses.frames),
+        hypotheses.normalization.centres.shape[1],
+    )
     shape = hypotheses.points.shape
     if len(hypotheses.points) and shape[1:] != model.manifold.point_shape:
         found = " x ".join(str(n) for n in shape[1:])

@@ -53,6 +53,10 @@ class MotionModel(ABC):
     name: ClassVar[str]
     purpose: ClassVar[str]
     """What the model is for, in a few words."""
+    of_pictures: ClassVar[bool] = True
+    """The data are positions in pictures, in pixels; otherwise see ``models.data``."""
+    coordinates: ClassVar[int | None] = 2
+    """Number of coordinates of a point; None for any."""
     in_auto: ClassVar[bool] = False
     """``hypothesize.model: auto`` includes this model if it accepts the number of frames."""
     needs_camera: ClassVar[bool] = False
@@ -83,23 +87,34 @@ class MotionModel(ABC):
     residual_terms: int = 1
 
     @classmethod
-    def build(cls, frames: int, rank: int) -> MotionModel:
-        """Construct the model for ``frames`` frames; ``rank`` matters if it ``has_ranks``."""
-        del frames, rank
+    def build(cls, frames: int, rank: int, dimension: int = 2) -> MotionModel:
+        """Construct the model for ``frames`` frames of points with ``dimension`` coordinates.
+
+        ``rank`` matters if it ``has_ranks``.
+        """
+        del frames, rank, dimension
         return cls()
 
     @classmethod
-    def on_manifold(cls, manifold: Manifold, frames: int) -> MotionModel:
+    def on_manifold(cls, manifold: Manifold, frames: int, dimension: int = 2) -> MotionModel:
         """Construct the model whose hypotheses over ``frames`` frames lie on ``manifold``.
+
+        Points have ``dimension`` coordinates.
 
         Raises
         ------
         DataError
-            If the model does not accept the number of frames, or has another manifold.
+            If the model does not accept the number of frames or coordinates, or has another
+            manifold.
         """
-        if frames < cls.min_frames or frames > (cls.max_frames or frames):
+        if not cls.accepts(frames):
             raise DataError(f"model {cls.name} does not accept {frames} frames")
-        model = cls._for_manifold(manifold, frames)
+        if dimension != (cls.coordinates or dimension):
+            raise DataError(
+                f"model {cls.name} is for points with {cls.coordinates} coordinates; found "
+                f"{dimension}"
+            )
+        model = cls._for_manifold(manifold, frames, dimension)
         if model.manifold.name != manifold.name:
             raise DataError(
                 f"model {cls.name} over {frames} frames belongs to manifold "
@@ -108,10 +123,10 @@ class MotionModel(ABC):
         return model
 
     @classmethod
-    def _for_manifold(cls, manifold: Manifold, frames: int) -> MotionModel:
+    def _for_manifold(cls, manifold: Manifold, frames: int, dimension: int) -> MotionModel:
         """The model with the parameters of ``manifold``; ``on_manifold`` checks that they agree."""
         del manifold
-        return cls.build(frames, 3)
+        return cls.build(frames, 3, dimension) if not cls.of_pictures else cls.build(frames, 3)
 
     @classmethod
     def accepts(cls, frames: int) -> bool:
@@ -235,7 +250,7 @@ class MotionModel(ABC):
         Tracks are along the first axis, because the hypotheses are ranked for each track
         separately.
         """
-        unit = Normalization(np.zeros((self.frames, 2)), 1.0)
+        unit = Normalization(np.zeros((self.frames, observed.shape[-1])), 1.0)
         return np.asarray(self.residuals(points, observed, unit).T ** 2)
 
     def orientations(self, points: Floats) -> Floats:

@@ -6,6 +6,7 @@ from typing import ClassVar
 
 import numpy as np
 
+from mssegment.geometry.subspaces import leading_directions, rejections
 from mssegment.manifolds import Grassmann, Manifold
 from mssegment.models.base import Flags, MotionModel, drop_unweighted
 from mssegment.records import Camera, Floats, Normalization
@@ -13,8 +14,6 @@ from mssegment.records import Camera, Floats, Normalization
 MIN_SINGULAR_VALUE_RATIO = 1e-3
 """Smallest singular value of the vectors of a subset, relative to the largest; below it they span
 fewer than k dimensions."""
-CANCELLATION = 1e-9
-"""Where |w|^2 - |x'w|^2 is less than this share of |w|^2, rounding errors would dominate."""
 
 
 class Factorization(MotionModel):
@@ -47,12 +46,14 @@ class Factorization(MotionModel):
         self.residual_terms = frames
 
     @classmethod
-    def build(cls, frames: int, rank: int) -> Factorization:
+    def build(cls, frames: int, rank: int, dimension: int = 2) -> Factorization:
         """Subspaces of dimension ``rank`` in R^(2 ``frames``)."""
+        del dimension
         return cls(frames, rank)
 
     @classmethod
-    def _for_manifold(cls, manifold: Manifold, frames: int) -> Factorization:
+    def _for_manifold(cls, manifold: Manifold, frames: int, dimension: int) -> Factorization:
+        del dimension
         return cls(frames, manifold.k if isinstance(manifold, Grassmann) else 3)
 
     def example_tracks(self, rng: np.random.Generator, count: int) -> Floats:
@@ -86,17 +87,9 @@ class Factorization(MotionModel):
         # most tracks have no weight when a hypothesis is fitted to a few of them
         weights, observed = drop_unweighted(weights, observed)
         vectors = observed.reshape(*observed.shape[:-2], 2 * self.frames)
-        if vectors.ndim == 3 and self.rank <= vectors.shape[1] < vectors.shape[2]:
-            used = np.sqrt(weights)[..., None] * vectors
-            values, axes = np.linalg.eigh(used @ np.swapaxes(used, 1, 2))
-            leading = np.swapaxes(used, 1, 2) @ axes[:, :, : -self.rank - 1 : -1]
-            directions = np.linalg.qr(leading).Q
-        else:
-            across = np.swapaxes(vectors, -1, -2) * weights[:, None]
-            values, axes = np.linalg.eigh(across @ vectors)
-            directions = axes[:, :, : -self.rank - 1 : -1]
-        least = values[:, -self.rank]
-        return directions, np.asarray(least > 1e-12 * np.maximum(values[:, -1], 1e-12))
+        directions, values = leading_directions(vectors, weights, self.rank)
+        least, most = values[:, -1], values[:, 0]
+        return directions, np.asarray(least > 1e-12 * np.maximum(most, 1e-12))
 
     def residuals(self, points: Floats, observed: Floats, normalization: Normalization) -> Floats:
         """Distance to the subspace over sqrt(F), in pixels [B, P]."""
@@ -108,14 +101,7 @@ class Factorization(MotionModel):
     ) -> Floats:
         """Distance of the trajectory to the subspace, in pixels, as in the table of Fig. 3."""
         vectors = observed.reshape(*observed.shape[:-2], 2 * self.frames)
-        along = vectors @ points
-        whole = (vectors**2).sum(axis=-1)
-        squared = whole - (along**2).sum(axis=2)
-        # where the difference cancels, compute the orthogonal component itself
-        motion, track = np.nonzero(squared < CANCELLATION * whole)
-        rejected = vectors[track] if vectors.ndim == 2 else vectors[motion, track]
-        rejected = rejected - (points[motion] @ along[motion, track, :, None])[..., 0]
-        squared[motion, track] = (rejected**2).sum(axis=1)
+        squared = rejections(vectors, points)
         return np.asarray(np.sqrt(squared) * normalization.scale)
 
     def ranking_sq_residuals(self, points: Floats, observed: Floats) -> Floats:

@@ -6,6 +6,7 @@ from typing import ClassVar
 
 import numpy as np
 
+from mssegment.geometry.affine_flats import foot_and_directions
 from mssegment.geometry.projective import homogeneous
 from mssegment.manifolds import Grassmann
 from mssegment.models.base import Flags, MotionModel, drop_unweighted
@@ -64,7 +65,7 @@ class Flat(MotionModel):
 
     def residuals(self, points: Floats, observed: Floats, normalization: Normalization) -> Floats:
         """Distance to the flat over sqrt(2), in pixels [B, P]."""
-        foot, directions = _flat_of_subspace(points)
+        foot, directions = foot_and_directions(points)
         offset = observed.reshape(*observed.shape[:-2], 4) - foot[:, None]
         rejected = offset - offset @ directions @ np.swapaxes(directions, 1, 2)
         distance = np.linalg.norm(rejected, axis=-1)
@@ -73,7 +74,7 @@ class Flat(MotionModel):
     def ranking_sq_residuals(self, points: Floats, observed: Floats) -> Floats:
         """Squared distances to the flats in R^4, [P, B], by matrix products alone."""
         matches = observed.reshape(len(observed), 4)
-        foot, directions = _flat_of_subspace(points)
+        foot, directions = foot_and_directions(points)
         apart = (matches**2).sum(axis=1)[:, None] + (foot**2).sum(axis=1) - 2 * matches @ foot.T
         for k in range(directions.shape[2]):
             axis = directions[:, :, k]
@@ -81,13 +82,3 @@ class Flat(MotionModel):
             apart -= along**2
         return np.asarray(np.maximum(apart, 0.0))
 
-
-def _flat_of_subspace(points: Floats) -> tuple[Floats, Floats]:
-    """The flats of subspaces [B, n+1, k+1]: a point [B, n] and orthonormal directions [B, n, k]."""
-    heights = points[:, -1]
-    square = np.maximum((heights**2).sum(axis=1), 1e-30)
-    foot = np.einsum("bik,bk->bi", points[:, :-1], heights) / square[:, None]
-    # combinations of the basis with last coordinate zero are directions
-    level, _ = np.linalg.qr(heights[:, :, None], mode="complete")
-    directions, _ = np.linalg.qr(points[:, :-1] @ level[:, :, 1:])
-    return foot, directions

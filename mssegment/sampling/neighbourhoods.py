@@ -37,7 +37,7 @@ def neighbour_space(points: Floats) -> Floats:
     it.
     """
     if points.shape[1] == 2:
-        return np.asarray(points.reshape(len(points), 4))
+        return np.asarray(points.reshape(len(points), -1))
     position = points.mean(axis=1)
     path = (points - position[:, None]) * np.sqrt(PATH_WEIGHT / points.shape[1])
     return np.concatenate([position, path.reshape(len(points), -1)], axis=1)

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from mssegment import models
-from mssegment.errors import ConfigurationError
-from mssegment.models import Flags
+from mssegment.errors import ConfigurationError, DataError
+from mssegment.models import Flags, MotionModel
 from mssegment.records import Camera, Floats, Hypotheses, Strategy, replace
 from mssegment.sampling.options import DEFAULTS, SamplingOptions
 
@@ -45,6 +45,8 @@ def choose_strategy(method: str, selection: str, names: tuple[str, ...], frames:
     >>> choose_strategy("meanshift", "mdl", ("factorization",), frames=20)
     'mixture'
     """
+    if of_data(names):
+        return "modes"
     if method == "consensus":
         return "consensus"
     if selection != "mdl" or not has_ranks(names):
@@ -135,6 +137,12 @@ def draw(
     """
     frames = points.shape[1]
     names = options.models(frames)
+    if of_data(names):
+        from mssegment.sampling.structures import sample_structures
+
+        model = model_of_data(names[0], options, points)
+        found = sample_structures(points, model, options, eligible=eligible, rng=rng)
+        return Hypotheses(strategy, (found,) if len(found.points) else ())
     if strategy == "consensus":
         from mssegment.sampling.frame_pairs import draw_for_consensus
 
@@ -158,3 +166,40 @@ def draw(
 def has_ranks(names: tuple[str, ...]) -> bool:
     """Whether ``names`` is one model whose subspaces have a rank to choose."""
     return len(names) == 1 and names[0] in models.MODELS and models.MODELS[names[0]].has_ranks
+
+
+def of_data(names: tuple[str, ...]) -> bool:
+    """Whether ``names`` are models of data that is no picture."""
+    return any(not models.class_named(name).of_pictures for name in names)
+
+
+def model_of_data(name: str, options: SamplingOptions, points: Floats) -> MotionModel:
+    """The model for points [P, F, d] that are no pictures.
+
+    Raises
+    ------
+    DataError
+        If it does not accept their number of views or coordinates.
+    ConfigurationError
+        If it needs a rank, and none is given, or none that is smaller than d.
+    """
+    kind, (frames, d) = models.class_named(name), points.shape[1:]
+    if not kind.accepts(frames):
+        expected = "one set" if kind.max_frames == 1 else "two matched sets"
+        raise DataError(f"model {name} needs {expected} of points; found {frames}")
+    if d != (kind.coordinates or d):
+        raise DataError(
+            f"model {name} is for points with {kind.coordinates} coordinates; found {d}"
+        )
+    if not kind.has_ranks:
+        if d < 2:
+            raise DataError(f"model {name} needs points with 2 coordinates or more; found {d}")
+        return models.make(name, frames=frames, dimension=d)
+    rank = options.rank
+    if rank == "auto" or rank >= d:
+        given = "auto" if rank == "auto" else str(rank)
+        raise ConfigurationError(
+            f"hypothesize.rank is {given}; expected the dimension of the subspaces, from 1 to "
+            f"{d - 1} for vectors with {d} coordinates (--rank)"
+        )
+    return models.make(name, frames=frames, rank=rank, dimension=d)

@@ -88,7 +88,7 @@ def segment_by_modes(
         found.assignments,
         tracks,
         static_camera=bool((status == BACKGROUND).any()),
-        noise=reference_noise(points[tracks]) if points.shape[1] == 2 else float("nan"),
+        noise=_noise(points[tracks], observed_sets),
     )
     selected = select(problem)
     fit = final_fit(problem, selected)
@@ -109,6 +109,12 @@ def segment_by_modes(
         assignments=found.assignments,
         notes=(*selected.notes, *remarks, *joined_remarks(fit.motions)),
     )
+
+
+def _noise(points: Floats, observed_sets: Sequence[ObservedSet]) -> float:
+    """The noise of two pictures in pixels, NaN for more, or for data that is no picture."""
+    of_pictures = all(observed_set.model.of_pictures for observed_set in observed_sets)
+    return reference_noise(points) if of_pictures and points.shape[1] == 2 else float("nan")
 
 
 def _find_modes(

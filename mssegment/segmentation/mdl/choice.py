@@ -21,6 +21,7 @@ from mssegment.records import OUTLIER, Integers, Record, replace
 from mssegment.sampling.neighbourhoods import nearest_neighbours, neighbour_space
 from mssegment.segmentation.mdl.candidates import Candidates, Family, concatenate, from_modes
 from mssegment.segmentation.mdl.continuity import merge_faces
+from mssegment.segmentation.mdl.data_prices import data_families
 from mssegment.segmentation.mdl.description import Description, least_tracks
 from mssegment.segmentation.mdl.granularity import parallax_noise, scale_range, suggest
 from mssegment.segmentation.mdl.labelling import (
@@ -101,6 +102,8 @@ def mdl(problem: SelectionProblem, ingredients: Ingredients = ALL_INGREDIENTS) -
     """
     problem, notes = decide_granularity(problem, ingredients)
     best, description = shortest_description(problem, ingredients)
+    if not is_of_pictures(problem):
+        return _data_result(best, description)
     labels, best = final_labels(problem, best, description, ingredients.neighbour_labels)
     if problem.options.granularity == "object" and problem.options.motions is None:
         labels, best = merge_faces(problem, labels, best, description)
@@ -116,6 +119,15 @@ def mdl(problem: SelectionProblem, ingredients: Ingredients = ALL_INGREDIENTS) -
             f"no motion found among {len(labels)} tracks: each needs at least {least} that agree"
         )
     return SelectionResult(tuple(found), tuple(notes), bodies)
+
+
+def _data_result(best: Candidates, description: Description) -> SelectionResult:
+    """The structures of data that is no picture."""
+    found = selected_motions(best, description.labels(best), description)
+    notes = ()
+    if len(found) < description.min_motions:
+        notes = (f"{description.min_motions} structures requested, {len(found)} found",)
+    return SelectionResult(tuple(found), notes)
 
 
 def shortest_description(
@@ -170,11 +182,26 @@ def has_perspective_planes(problem: SelectionProblem) -> bool:
     )
 
 
+def is_of_pictures(problem: SelectionProblem) -> bool:
+    """Whether the points are positions in pictures."""
+    return all(observed_set.model.of_pictures for observed_set in problem.observed_sets)
+
+
 def make_description(
     problem: SelectionProblem, families: Sequence[Family], ingredients: Ingredients
 ) -> Description:
     """The description for the options and models of ``problem``."""
     given = problem.options.motions
+    if not is_of_pictures(problem):
+        return Description(
+            families,
+            problem.points[:, 0],
+            min_motions=problem.options.min_motions if given is None else given,
+            max_motions=np.inf if given is None else given,
+            parameter_weight=ingredients.parameter_weight,
+            label_cost=ingredients.label_cost,
+            shared_points=True,
+        )
     surface = problem.options.granularity == "surface"
     exact = all(family.observed_set.model.leaves_parallax_free for family in families)
     # an object that rotates slightly has smooth residuals from its translation
@@ -200,6 +227,8 @@ def make_description(
 
 def make_families(problem: SelectionProblem, ingredients: Ingredients) -> list[Family]:
     """The sets of ``problem`` with the noise of each."""
+    if not is_of_pictures(problem):
+        return data_families(problem, ingredients.degrees_of_freedom)
     outlier_cost = uniform_cost(problem.points)
     families = []
     for index, observed_set in enumerate(problem.observed_sets):

@@ -18,6 +18,7 @@ from mssegment.segmentation.mdl.candidates import Candidates, Family
 from mssegment.segmentation.mdl.labelling import (
     frequency_cost,
     frequency_labels,
+    mixture_labels,
     neighbour_cost,
     smooth_labels,
 )
@@ -60,6 +61,8 @@ class Description(Record, frozen=True):
         If below 1, labels are coded by both predictions, with this weight for that by neighbours.
     relative_coding : bool
         Whether the parameters of a motion may be coded relative to those of a larger one.
+    shared_points : bool
+        Whether a point is described by all motions, each with its share, as by a mixture.
 
     Notes
     -----
@@ -82,6 +85,7 @@ class Description(Record, frozen=True):
     neighbours: Integers | None = None
     neighbour_weight: float = 1.0
     relative_coding: bool = False
+    shared_points: bool = False
 
     def labels(self, motions: Candidates) -> Integers:
         """The labels [P] with which ``motions`` save most, 0 for outliers."""
@@ -89,6 +93,8 @@ class Description(Record, frozen=True):
 
     def _label(self, motions: Candidates) -> tuple[Integers, float]:
         """The labels, and the nats saved before the cost of the parameters."""
+        if self.shared_points and self.label_cost:
+            return mixture_labels(motions.gains)
         common_frequency = self.neighbours is not None
         labels, saved = frequency_labels(motions.gains, self.label_cost, common_frequency)
         if self.neighbours is None or not self.label_cost or not len(motions):

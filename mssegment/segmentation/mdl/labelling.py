@@ -18,6 +18,8 @@ MAX_LABEL_ROUNDS = 12
 """Maximum number of rounds of labels and their costs; they converge in 2 to 5."""
 SMOOTHING_ROUNDS = 4
 """The same within the search."""
+MIXTURE_ROUNDS, MIXTURE_TOLERANCE = 50, 1e-4
+"""Rounds of expectation and maximization of the shares of a mixture, and where they end."""
 LABEL_NEIGHBOURS = 8
 """Nearest assigned neighbours that predict a label."""
 STORED_FACTOR = 3
@@ -109,6 +111,39 @@ def frequency_labels(
             break
         labels = updated
     return labels, float(table[labels, tracks].sum()) - frequency_cost(labels)
+
+
+def mixture_labels(gains: Floats) -> tuple[Integers, float]:
+    """Label tracks by the most likely component of a mixture of the motions and the outliers.
+
+    Where motions overlap with each other or with many outliers, a hard label would cost more than
+    what it says.
+
+    Parameters
+    ----------
+    gains : ndarray [m, P]
+        Nats that each motion saves on each track.
+
+    Returns
+    -------
+    labels : ndarray [P] of int
+        Labels 1..m; 0 for outliers.
+    saved : float
+        Nats saved.
+    """
+    table = _with_outlier(gains)
+    peak = table.max(axis=0)
+    likelihood = np.exp(table - peak)
+    share = np.full(len(table), 1.0 / len(table))
+    for _ in range(MIXTURE_ROUNDS):
+        posterior = share[:, None] * likelihood
+        total = posterior.sum(axis=0)
+        before, share = share, (posterior / total).mean(axis=1)
+        if np.abs(share - before).max() < MIXTURE_TOLERANCE:
+            break
+    weighted = share[:, None] * likelihood
+    saved = float((np.log(weighted.sum(axis=0)) + peak).sum())
+    return weighted.argmax(axis=0), saved
 
 
 def frequency_cost(labels: Integers) -> float:
