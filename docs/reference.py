@@ -16,7 +16,7 @@ from docs.constants import page_with_lists
 from mssegment.cli import COMMANDS, cli
 from mssegment.cli.common import flag_of
 from mssegment.configuration import KEYS
-from mssegment.models import MODELS, automatic
+from mssegment.models import MODELS, automatic, example, of_data, of_pictures
 from mssegment.registry import CAMERAS, DATASETS
 
 ROOT = Path(__file__).parents[1]
@@ -53,7 +53,8 @@ def settings_table() -> str:
 def models_table() -> str:
     """The table of the README: model, manifold, frames, purpose."""
     rows = ["| model | manifold | requires | use it for |", "|---|---|---|---|"]
-    for name, model in MODELS.items():
+    for name in of_pictures():
+        model = MODELS[name]
         frames = "two views" if model.max_frames == 2 else f"{model.min_frames} or more frames"
         camera = ", calibrated camera" if model.needs_camera else ""
         manifold = model.build(model.max_frames or model.min_frames, 3).manifold
@@ -69,9 +70,28 @@ def models_table() -> str:
     return "\n".join(rows)
 
 
+def structures_table() -> str:
+    """The table of the models for data that is no picture."""
+    rows = ["| model | manifold | data | use it for |", "|---|---|---|---|"]
+    for name in of_data():
+        model = MODELS[name]
+        rank = ", of rank 2" if model.has_ranks else ""
+        example_of = "" if model.coordinates else f", for 3 coordinates{rank}"
+        points = f"points with {model.coordinates or 'any'} coordinates"
+        data = f"two matched sets of {points}" if model.max_frames == 2 else points
+        manifold = example(name).manifold.name
+        rows.append(f"| `{name}` | `{manifold}`{example_of} | {data} | {model.purpose} |")
+    return "\n".join(rows)
+
+
 def readme_with_tables(text: str) -> str:
     """The README with its generated tables replaced."""
-    for name, table in (("settings", settings_table()), ("models", models_table())):
+    tables = {
+        "settings": settings_table(),
+        "models": models_table(),
+        "structures": structures_table(),
+    }
+    for name, table in tables.items():
         begin, end = f"<!-- {name}: begin -->", f"<!-- {name}: end -->"
         before, rest = text.split(begin)
         _, after = rest.split(end)

@@ -8,7 +8,7 @@ from itertools import pairwise
 from docs.api import is_text, source_of
 from docs.docstrings import prose
 from mssegment.manifolds import MANIFOLDS, Manifold, from_name
-from mssegment.models import EVIDENCE, MODELS, MotionModel, make
+from mssegment.models import EVIDENCE, MODELS, MotionModel, example
 
 MODELS_HEAD = """\
 # Motion models
@@ -72,15 +72,16 @@ def documented_attributes(cls: type) -> dict[str, str]:
 
 
 def _typical(name: str) -> MotionModel:
-    return make(name, frames=MODELS[name].min_frames)
+    return example(name)
 
 
 def _model_row(name: str, model: MotionModel) -> str:
-    frames = "two" if model.max_frames == 2 else f"{model.min_frames} or more"
+    fixed = {1: "one", 2: "two"}
+    frames = fixed.get(model.max_frames or 0, f"{model.min_frames} or more")
     camera = "calibrated" if model.needs_camera else ""
     return (
         f"| [`{name}`](#{name}) | `{model.manifold.name}` | {model.manifold.dim} | "
-        f"{model.subset_size} tracks | {frames} | {camera} |"
+        f"{model.subset_size} {'tracks' if model.of_pictures else 'points'} | {frames} | {camera} |"
     )
 
 

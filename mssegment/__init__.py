@@ -5,7 +5,8 @@ dominant mode is a motion and its inliers are its segment (Subbarao & Meer, "Non
 for Clustering over Analytic Manifolds", CVPR 2006).
 
 Start with :func:`segment_pictures` for images and videos, :func:`segment_tracks` for tracks of your
-own, :class:`MeanShift` for points on a manifold (``mssegment.manifolds``).
+own, :class:`MultiModel` for lines, planes and other structures in data that is no picture,
+:class:`MeanShift` for points on a manifold (``mssegment.manifolds``).
 """
 
 from __future__ import annotations
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
     from mssegment.errors import UsageError as UsageError
     from mssegment.meanshift import MeanShift as MeanShift
     from mssegment.meanshift import fuse as fuse
+    from mssegment.multi_model import MultiModel as MultiModel
     from mssegment.records import Camera as Camera
     from mssegment.records import Frame as Frame
     from mssegment.records import Mode as Mode
@@ -39,6 +41,7 @@ _MODULES = {
     "Mode": "records",
     "Motion": "records",
     "MssegmentError": "errors",
+    "MultiModel": "multi_model",
     "Segmentation": "result",
     "UsageError": "errors",
     "fuse": "meanshift",

@@ -53,6 +53,11 @@ NO_COMMON_MOTION = (
     "matches, or choose another model"
 )
 """Note of ``hypothesize`` on tracks that are all mismatches, or do not fit the model."""
+NO_STRUCTURE = (
+    "no structure: no hypothesis has more inliers than chance explains; check the data, or choose "
+    "another model"
+)
+"""Note of ``hypothesize`` on data in which nothing stands out."""
 _STREAMS = {"match": 1, "hypothesize": 2, "cluster": 3}
 
 
@@ -91,6 +96,40 @@ def import_tracks(path: str) -> TracksDocument:
     return TracksDocument(
         frames=list(found.frames),
         camera=found.camera,
+        tracks=replace(found.tracks, ids=found.ids),
+        history=[entry_of("import", notes=found.notes)],
+    )
+
+
+def import_points(path: str) -> TracksDocument:
+    """Read data that is no picture: a table, a point cloud, matched 3-D points.
+
+    Parameters
+    ----------
+    path : str
+        A table, a NumPy file, PLY, PCD or XYZ; or ``-`` for standard input.
+
+    Returns
+    -------
+    TracksDocument
+        With frames that have no size.
+
+    Raises
+    ------
+    DataError
+        If the file cannot be read.
+    """
+    from mssegment.datasets.containers import InputFile
+    from mssegment.datasets.points import read_points
+
+    file = (
+        InputFile("standard input", read_bytes(path))
+        if path == STANDARD
+        else InputFile.opened(path)
+    )
+    found = read_points(file)
+    return TracksDocument(
+        frames=list(found.frames),
         tracks=replace(found.tracks, ids=found.ids),
         history=[entry_of("import", notes=found.notes)],
     )
@@ -205,8 +244,12 @@ def hypothesize(
     """
     from mssegment.preprocessing.background import find_background
     from mssegment.sampling.strategy import check_sampling, draw
-    from mssegment.stage_checks import nothing_moves
+    from mssegment.stage_checks import check_kind, nothing_moves
 
+    frames = len(document.frames)
+    check_kind(document.of_pictures, _sampling(configuration, frames)[0].models(frames))
+    if not document.of_pictures:
+        return _hypothesize_data(document, configuration)
     camera, camera_notes = camera_for(
         document.frames,
         configuration,
@@ -257,6 +300,29 @@ def hypothesize(
     )
 
 
+def _hypothesize_data(document: TracksDocument, configuration: Configuration) -> HypothesesDocument:
+    """``hypothesize`` for data that is no picture, which has no background and no camera."""
+    from mssegment.sampling.strategy import check_sampling, draw
+
+    points = document.tracks.points
+    options, strategy = _sampling(configuration, len(document.frames))
+    check_sampling(options, strategy, len(document.frames))
+    status = np.zeros(len(points), dtype=np.int64)
+    rng = _random("hypothesize", configuration)
+    drawn = draw(points, strategy, options, eligible=status == OUTLIER, static=False, rng=rng)
+    return HypothesesDocument(
+        frames=document.frames,
+        tracks=document.tracks,
+        status=status,
+        strategy=strategy,
+        sets=list(drawn.sets),
+        history=[
+            *document.history,
+            entry_of("hypothesize", configuration, () if drawn.sets else (NO_STRUCTURE,)),
+        ],
+    )
+
+
 @with_one_thread
 def cluster(
     document: HypothesesDocument, configuration: Configuration, threads: int = 1
@@ -284,11 +350,20 @@ def cluster(
         If a setting contradicts the strategy, or is not used by it.
     """
     from mssegment.segmentation import cluster as segment
-    from mssegment.stage_checks import check_method, check_sets, no_motion, nothing_moves
+    from mssegment.stage_checks import (
+        check_method,
+        check_selection,
+        check_sets,
+        no_motion,
+        nothing_moves,
+    )
 
     names = _sampling(configuration, len(document.frames))[0].models(len(document.frames))
     check_method(configuration.cluster.method, document.strategy)
-    if not document.sets or nothing_moves(document.status, names):
+    if not document.of_pictures:
+        check_selection(configuration.segment.selection)
+    moving = not document.of_pictures or not nothing_moves(document.status, names)
+    if not document.sets or not moving:
         return _segmentation(document, no_motion(document.status), configuration)
     check_sets(document.sets)
     found = segment(
@@ -307,7 +382,7 @@ def _with_camera(
     """The result with the motion of the static world named, and a note that says so."""
     settings = configuration.segment
     # where each plane is a motion of its own, the static world has many
-    if not settings.camera_motion or settings.granularity == "surface":
+    if not document.of_pictures or not settings.camera_motion or settings.granularity == "surface":
         return found
     from mssegment.segmentation.camera_motion import find_camera_motion
 

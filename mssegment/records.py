@@ -59,7 +59,7 @@ class Frame(Record, frozen=True):
     path : str
         The path as given.
     width, height : int
-        The size in pixels.
+        The size in pixels; 0 and 0 for data that is no picture.
     sha256 : str
         The SHA-256 of the file.
     index : int or None
@@ -135,7 +135,9 @@ class Tracks(Record, frozen=True):
     Attributes
     ----------
     points : ndarray [P, F, 2] of float64
-        Positions (x, y) in pixels, NaN (null in JSON) where a point is not visible in a frame.
+        Positions (x, y) in pixels, NaN (null in JSON) where a point is not visible in a frame. For
+        data that is no picture [P, F, d], in any unit: a point cloud or a table has F = 1, two
+        matched sets of points F = 2.
     affines : ndarray [P, 2, 2] of float64, optional
         Local affine map of each match from the first to the second frame, if the matcher
         estimates it.
@@ -164,7 +166,7 @@ class Normalization(Record, frozen=True):
 
     Attributes
     ----------
-    centres : ndarray [F, 2] of float64
+    centres : ndarray [F, 2] or [F, d] of float64
         Origin of each frame, in pixels.
     scale : float
         Pixels per unit, the same for all frames; fx for a calibrated camera.

@@ -165,6 +165,7 @@ EXPORTS: Registry[Any] = Registry(
         "objects": "mssegment.export.objects:OBJECTS",
         "mot": "mssegment.export.mot:MOT",
         "npz": "mssegment.export.arrays:ARRAYS",
+        "points": "mssegment.export.points:POINTS",
     },
 )
 """The formats of trajectories that ``report.export`` writes."""

@@ -188,11 +188,21 @@ def open_tracks(configuration: Configuration) -> TracksDocument | None:
         return None
     if path != STANDARD and not is_pipe(path) and _is_document(path):
         document = read_document(path, TracksDocument)
+    elif is_for_data(configuration):
+        document = pipeline.import_points(path)
     else:
         document = pipeline.import_tracks(path)
     if configuration.input.images:
         document = pipeline.put_on_pictures(document, pipeline.open_input(configuration))
     return document
+
+
+def is_for_data(configuration: Configuration) -> bool:
+    """Whether the model is one of data that is no picture, so that the input is such data."""
+    from mssegment.models import MODELS
+
+    name = configuration.hypothesize.model
+    return name != "auto" and not MODELS[name].of_pictures
 
 
 def are_tracks(path: str) -> bool:

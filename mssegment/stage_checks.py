@@ -24,6 +24,44 @@ from mssegment.records import (
 ADVICE = "run `mssegment hypothesize` again"
 
 
+def check_kind(pictures: bool, names: Sequence[str]) -> None:
+    """Check that the models are for this kind of data: positions in pictures, or other data.
+
+    Raises
+    ------
+    ConfigurationError
+        If they are for the other kind.
+    """
+    wrong = [name for name in names if models.class_named(name).of_pictures != pictures]
+    if not wrong:
+        return
+    able = models.of_pictures() if pictures else models.of_data()
+    if pictures:
+        raise ConfigurationError(
+            f"hypothesize.model is {wrong[0]}, which is for data that is no picture, but these are "
+            f"tracks in pictures: choose {' or '.join(able)}, or import the file with --points"
+        )
+    raise ConfigurationError(
+        f"hypothesize.model is {' and '.join(wrong)} for tracks in pictures, but this is data that "
+        f"is no picture: choose {' or '.join(able)} (--model)"
+    )
+
+
+def check_selection(selection: str) -> None:
+    """Check that a selection of motions is one of data that is no picture too.
+
+    Raises
+    ------
+    ConfigurationError
+        If it is not.
+    """
+    if selection != "mdl":
+        raise ConfigurationError(
+            f"segment.selection is {selection}, which is for tracks in pictures; use mdl for data "
+            "that is no picture"
+        )
+
+
 def nothing_moves(status: Integers, names: Sequence[str]) -> bool:
     """Whether too few tracks remain for a hypothesis after the background is removed.
 

@@ -37,7 +37,7 @@ LAYERS = [
     {"results", "clips"},
     {"runs"},
     {"result"},
-    {"batch", "benchmarking", "api"},
+    {"batch", "benchmarking", "api", "multi_model"},
     {"cli", "__main__"},
 ]
 """From the bottom up: a package imports only from its own layer or those below."""

@@ -208,7 +208,8 @@ def test_run_writes_what_is_asked_for(tmp_path):
         cv2.imwrite(str(tmp_path / f"{index}.png"), noise(index))
     names = [str(tmp_path / f"{index}.png") for index in range(2)]
     out = tmp_path / "out"
-    asked = [part for name in EXPORTS for part in ("--export", name)]
+    of_tracks = [name for name, each in EXPORTS.items() if each.of_pictures]
+    asked = [part for name in of_tracks for part in ("--export", name)]
     assert invoke(["run", *names, "--out", str(out), "--masks", "-q", *asked]) == 0
     for name in (
         "tracks.csv",

@@ -15,8 +15,9 @@ from mssegment.sampling.neighbourhoods import nearest_neighbours
 from tests.stages import hypothesize
 
 CAMERA = Camera(800.0, 800.0, 320.0, 240.0)
-FRAMES = {name: 2 if model.max_frames == 2 else 5 for name, model in models.MODELS.items()}
-TWO_VIEWS = [name for name, model in models.MODELS.items() if model.max_frames == 2]
+MODELS = models.of_pictures()
+FRAMES = {name: 2 if models.MODELS[name].max_frames == 2 else 5 for name in MODELS}
+TWO_VIEWS = [name for name in MODELS if models.MODELS[name].max_frames == 2]
 
 
 def two_objects(rng, frames=2, outliers=20):
@@ -32,7 +33,7 @@ def two_objects(rng, frames=2, outliers=20):
     return points + rng.normal(0.0, 0.3, points.shape), np.repeat([1, 2, 0], [30, 30, outliers])
 
 
-@pytest.mark.parametrize("name", list(models.MODELS))
+@pytest.mark.parametrize("name", MODELS)
 @pytest.mark.parametrize("sampling", ["local", "uniform"])
 def test_hypotheses_are_points_on_the_manifold_of_the_model(name, sampling, rng):
     points, _ = two_objects(rng, FRAMES[name])
@@ -125,7 +126,7 @@ def test_two_view_models_reject_sequences(name, rng):
         hypothesize(points, model=name, camera=CAMERA, rng=rng)
 
 
-@pytest.mark.parametrize("name", list(models.MODELS))
+@pytest.mark.parametrize("name", MODELS)
 def test_fewer_tracks_than_a_subset(name, rng):
     points, _ = two_objects(rng, FRAMES[name])
     for count in (0, 1, 2):
@@ -133,7 +134,7 @@ def test_fewer_tracks_than_a_subset(name, rng):
             hypothesize(points[:count], model=name, camera=CAMERA, rng=rng)
 
 
-@pytest.mark.parametrize("name", list(models.MODELS))
+@pytest.mark.parametrize("name", MODELS)
 def test_only_degenerate_subsets(name, rng):
     # all tracks in one place: collinear ones still determine a similarity
     points = np.full((30, FRAMES[name], 2), 100.0)
@@ -145,7 +146,7 @@ def test_only_degenerate_subsets(name, rng):
 @given(
     tracks=st.integers(0, 12),
     frames=st.integers(0, 5),
-    name=st.sampled_from([*models.MODELS, "auto"]),
+    name=st.sampled_from([*MODELS, "auto"]),
     seed=st.integers(0, 1000),
     scale=st.sampled_from([0.0, 1e-9, 1.0, 1e6]),
     broken=st.booleans(),

@@ -48,7 +48,7 @@ def test_matrix_is_that_of_opencv_on_the_inliers(model):
         assert np.abs(mapped(motion.matrix, start) - mapped(expected, start)).max() < 0.1
 
 
-@pytest.mark.parametrize("name", models.MODELS)
+@pytest.mark.parametrize("name", models.of_pictures())
 def test_every_model_states_exact_motions_in_pixels(name, rng):
     """A model gives a matrix, or a subspace, or a direction; each predicts its example tracks."""
     kind = models.class_named(name)

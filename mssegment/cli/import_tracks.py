@@ -17,6 +17,7 @@ from mssegment.cli.common import (
 )
 from mssegment.configuration import Setting, resolve
 from mssegment.documents import STANDARD
+from mssegment.errors import UsageError
 
 KEYS = ("input.images",)
 
@@ -27,9 +28,16 @@ KEYS = ("input.images",)
 )
 @click.argument("file", metavar="[FILE]", required=False, default=STANDARD, shell_complete=files)
 @settings_options(*KEYS)
+@click.option(
+    "--points",
+    is_flag=True,
+    help="FILE is data that is no picture: a table of numbers, a point cloud, matched 3-D points.",
+)
 @output_option
 @console_options
-def command(file: str, settings: list[Setting], output: str | None, console: Console) -> None:
+def command(
+    file: str, settings: list[Setting], points: bool, output: str | None, console: Console
+) -> None:
     """Import the tracks of another program and write a tracks document.
 
     FILE is a table (`x1,y1,x2,y2[,label]` or `track,frame,x,y[,label]`, in pixels, under many other
@@ -37,13 +45,18 @@ def command(file: str, settings: list[Setting], output: str | None, console: Con
     LightGlue, hloc or COLMAP, boxes of MOTChallenge, or a file of Hopkins155, AdelaideRMF or
     KT3DMoSeg. The content determines the format; FILE#PART names a part of a file. Without FILE, or
     if it is -, standard input is read. --images names the pictures that the tracks were made from.
+
+    With --points, FILE is a table with one point in each row (`x,y,z[,label]`, or any columns of
+    numbers), matched points (`x1,y1,z1,x2,y2,z2[,label]`), an array [points, d], XYZ, PLY or PCD.
     """
     refuse_keyboard(file, "file of tracks", "cat tracks.csv")
     configuration = resolve(settings)
+    if points and configuration.input.images:
+        raise UsageError("--points: data that is no picture goes without --images")
     start = time.perf_counter()
     from mssegment import pipeline
 
-    document = pipeline.import_tracks(file)
+    document = pipeline.import_points(file) if points else pipeline.import_tracks(file)
     if configuration.input.images:
         document = pipeline.put_on_pictures(document, pipeline.open_input(configuration))
     console.deliver(document, output, start, "import")

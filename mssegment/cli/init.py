@@ -32,5 +32,5 @@ def command(model: str, output: str | None, console: Console) -> None:
     write_bytes(output or STANDARD, template(model).encode())
     if output not in (None, STANDARD):
         console.note(
-            f"wrote {output}; set input.images in it, then run it with `mssegment run {output}`"
+            f"wrote {output}; set the input in it, then run it with `mssegment run {output}`"
         )

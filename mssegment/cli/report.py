@@ -18,6 +18,7 @@ from mssegment.cli.common import (
     read_argument,
     settings_options,
 )
+from mssegment.cli.output_checks import check_outputs
 from mssegment.configuration import Configuration, Setting, resolve
 from mssegment.documents import SegmentationDocument
 from mssegment.errors import UsageError
@@ -67,6 +68,7 @@ def command(
     if out is None:
         _refuse_without_folder(configuration)
     segmentation = read_argument(document, SegmentationDocument)
+    check_outputs(configuration, segmentation.of_pictures)
     from mssegment.cli import results as console_results
     from mssegment.folders import result_folder
     from mssegment.rendering.tables import format_report

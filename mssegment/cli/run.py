@@ -20,6 +20,7 @@ from mssegment.cli.common import (
     put,
     settings_options,
 )
+from mssegment.cli.output_checks import check_outputs
 from mssegment.cli.sentences import describe
 from mssegment.configuration import (
     Configuration,
@@ -59,7 +60,7 @@ KEYS = (
     "inputs",
     nargs=-1,
     required=True,
-    metavar="CONFIG.yaml | IMAGE... | TRACKS",
+    metavar="CONFIG.yaml | IMAGE... | TRACKS | POINTS",
     shell_complete=files,
 )
 @settings_options(*KEYS)
@@ -104,7 +105,8 @@ def command(
 
     The input is a configuration file, images (two files, a folder, a glob pattern or a video), or
     tracks (a table, an array, a tracks document, ...; `mssegment import --help` lists them), drawn
-    on the pictures that --images names. The output is the document of each stage,
+    on the pictures that --images names. With a model of data that is no picture, such as plane, it
+    is a table of points, a point cloud or an array. The output is the document of each stage,
     report.json, timings.json, annotated pictures and report.html.
     """
     configuration = _configuration(inputs, settings, assignments)
@@ -118,6 +120,7 @@ def command(
     from mssegment.results import FramePictures
     from mssegment.runs import write_run
 
+    check_outputs(configuration, tracks is None or tracks.of_pictures)
     if configuration.report.masks and tracks is not None and FramePictures(tracks)(0) is None:
         raise UsageError(
             "--masks: there are no pictures of these tracks; name those that they were made from "
@@ -195,7 +198,7 @@ def _configuration(
 
     The images on the command line count as an option.
     """
-    from mssegment.runs import are_tracks
+    from mssegment.runs import are_tracks, is_for_data
 
     layers: list[Setting] = []
     if any(Path(path).suffix.lower() in (".yaml", ".yml") for path in inputs):
@@ -204,6 +207,10 @@ def _configuration(
                 f"{' '.join(inputs)}: expected one configuration file, or images, not both"
             )
         layers = from_file(inputs[0])
+    elif is_for_data(resolve([*settings, *from_text(assignments)])):
+        if len(inputs) > 1:
+            raise UsageError(f"{' '.join(inputs)}: expected one file of points")
+        layers = [Setting("input.tracks", inputs[0], "POINTS")]
     elif any(are_tracks(path) for path in inputs):
         if len(inputs) > 1:
             raise UsageError(

@@ -17,13 +17,17 @@ def describe(document: Document) -> str:
         case CornersDocument():
             return _corners(document)
         case TracksDocument():
-            count, frames = document.tracks.points.shape[:2]
+            count, frames, d = document.tracks.points.shape
+            if not document.of_pictures:
+                kind = "points" if frames == 1 else "matched points"
+                return f"{count} {kind} with {d} coordinate{'s' * (d != 1)}"
             return f"{count} matches" if frames == 2 else f"{count} tracks over {frames} frames"
         case HypothesesDocument():
             return _hypotheses(document)
         case SegmentationDocument():
             modes, motions = len(document.modes), len(document.motions)
-            return f"{modes} mode{'s' * (modes != 1)}, {motions} motion{'s' * (motions != 1)}"
+            noun = "motion" if document.of_pictures else "structure"
+            return f"{modes} mode{'s' * (modes != 1)}, {motions} {noun}{'s' * (motions != 1)}"
     raise TypeError(type(document).__name__)
 
 

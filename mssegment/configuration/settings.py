@@ -176,16 +176,17 @@ class HypothesizeSettings(Section, frozen=True):
     model: Annotated[
         ModelName,
         Meta(
-            description="Motion model; auto: for two views affine or homography, whichever "
-            "describes the motion with the shorter code; for more views factorization."
+            description="Motion model, or the structures of data that is no picture; auto: for two "
+            "views affine or homography, whichever describes the motion with the shorter code; for "
+            "more views factorization."
         ),
     ] = "auto"
     rank: Annotated[
-        Auto | Annotated[int, Meta(ge=3, le=4)],
+        Auto | Annotated[int, Meta(ge=1)],
         Meta(
             description="Rank of a motion's subspace for model factorization: 3 for planar or "
             "translating objects, 4 in general; auto: both, but 3 for method meanshift over fewer "
-            "than 6 frames."
+            "than 6 frames. For model subspace, the dimension of the subspaces."
         ),
     ] = "auto"
     count: Annotated[
@@ -322,7 +323,7 @@ class ReportSettings(Section, frozen=True):
         list[ExportName],
         Meta(
             description="Also write trajectories: tracks.csv, objects.csv, mot.txt (MOTChallenge) "
-            "or tracks.npz."
+            "or tracks.npz; of data that is no picture, points.csv."
         ),
     ] = []
     regions: Annotated[

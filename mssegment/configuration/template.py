@@ -24,7 +24,10 @@ def template(model: str = "auto") -> str:
     needs_camera, two_views = False, True
     if model in MODELS:
         needs_camera, two_views = MODELS[model].needs_camera, MODELS[model].accepts(2)
-    values["input.images"] = ["1.png", "2.png"] if two_views else ["frames/"]
+    if model in MODELS and not MODELS[model].of_pictures:
+        values["input.tracks"] = "points.csv"
+    else:
+        values["input.images"] = ["1.png", "2.png"] if two_views else ["frames/"]
     if needs_camera:
         values["camera.file"] = "camera.yaml"
     lines = [_HEADER]

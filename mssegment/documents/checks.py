@@ -91,9 +91,10 @@ def check_indices(indices: Integers, count: int, name: str, things: str) -> None
         )
 
 
-def check_tracks(tracks: Tracks, frames: int) -> None:
+def check_tracks(tracks: Tracks, frames: list[Frame]) -> None:
     """Raises ValueError if the arrays of the tracks do not match the frames or each other."""
-    check_shape(tracks.points, (None, frames, 2), "tracks.points")
+    pictures = are_pictures(frames)
+    check_shape(tracks.points, (None, len(frames), 2 if pictures else None), "tracks.points")
     count = len(tracks.points)
     half_seen = np.isfinite(tracks.points).any(axis=-1) != np.isfinite(tracks.points).all(axis=-1)
     if half_seen.any():
@@ -102,7 +103,8 @@ def check_tracks(tracks: Tracks, frames: int) -> None:
             f"tracks.points[{track}][{frame}] holds one number and one null; expected [x, y], or "
             "[null, null] where the point is not visible in that frame"
         )
-    check_reach(tracks.points, "tracks.points")
+    if pictures:
+        check_reach(tracks.points, "tracks.points")
     if tracks.affines is not None:
         check_shape(tracks.affines, (count, 2, 2), "tracks.affines")
         check_reach(tracks.affines, "tracks.affines")
@@ -130,36 +132,42 @@ def check_status(status: Integers, tracks: Tracks) -> None:
         )
 
 
-def check_sets(sets: list[HypothesisSet], tracks: Tracks, frames: int) -> None:
+def are_pictures(frames: list[Frame]) -> bool:
+    """Whether frames are pictures; those of other data have no size."""
+    return all(frame.width for frame in frames)
+
+
+def check_sets(sets: list[HypothesisSet], tracks: Tracks, frames: list[Frame]) -> None:
     """Raises ValueError if the arrays of a set do not match each other, the tracks or frames."""
     for i, chosen in enumerate(sets):
         name = f"sets[{i}]"
         if len(chosen.subsets) or len(chosen.points):
             check_shape(chosen.subsets, (len(chosen.points), None), f"{name}.subsets")
         check_indices(chosen.subsets, len(tracks.points), f"{name}.subsets", "tracks")
-        wrong = next((frame for frame in chosen.frames if not 0 <= frame < frames), None)
+        wrong = next((frame for frame in chosen.frames if not 0 <= frame < len(frames)), None)
         if wrong is not None:
             raise ValueError(
-                f"{name}.frames holds {wrong}; expected at least 0 and less than {frames}, the "
-                "number of frames"
+                f"{name}.frames holds {wrong}; expected at least 0 and less than {len(frames)}, "
+                "the number of frames"
             )
         check_count(chosen.drawn, f"{name}.drawn")
         if not np.isfinite(chosen.points).all():
             raise ValueError(f"{name}.points holds null; expected a number for every parameter")
-        check_reach(chosen.points, f"{name}.points")
-        _check_normalization(chosen.normalization, len(chosen.frames), f"{name}.normalization")
+        shape = (len(chosen.frames), tracks.points.shape[2])
+        check_shape(chosen.normalization.centres, shape, f"{name}.normalization.centres")
+        largest = LARGEST_COORDINATE if are_pictures(frames) else np.inf
+        check_reach(chosen.points, f"{name}.points", largest)
+        _check_normalization(chosen.normalization, f"{name}.normalization", largest)
 
 
-def _check_normalization(normalization: Normalization, frames: int, name: str) -> None:
-    check_shape(normalization.centres, (frames, 2), f"{name}.centres")
+def _check_normalization(normalization: Normalization, name: str, largest: float) -> None:
     if not np.isfinite(normalization.centres).all():
-        raise ValueError(f"{name}.centres holds null; expected pixels")
-    check_reach(normalization.centres, f"{name}.centres")
+        raise ValueError(f"{name}.centres holds null; expected numbers")
+    check_reach(normalization.centres, f"{name}.centres", largest)
     for field, value in (("scale", normalization.scale), ("aspect", normalization.aspect)):
-        if not 0 < value <= LARGEST_COORDINATE:
+        if not 0 < value <= largest or not np.isfinite(value):
             raise ValueError(
-                f"{name}.{field} is {value:g}; expected more than 0 and at most "
-                f"{LARGEST_COORDINATE:g}"
+                f"{name}.{field} is {value:g}; expected more than 0 and at most {largest:g}"
             )
     if normalization.rotation is not None:
         check_shape(normalization.rotation, (3, 3), f"{name}.rotation")
@@ -199,11 +207,15 @@ def check_frames(frames: list[Frame]) -> None:
     for i, frame in enumerate(frames):
         if frame.index is not None and not 0 <= frame.index <= LARGEST_COUNT:
             raise ValueError(f"frames[{i}].index is {frame.index}; expected 0 to {LARGEST_COUNT}")
+        if not frame.width and not frame.height:
+            continue  # data that is no picture
         if not (0 < frame.width <= LARGEST_COORDINATE and 0 < frame.height <= LARGEST_COORDINATE):
             raise ValueError(
                 f"frames[{i}] has size {frame.width}x{frame.height}; expected pixels, from 1 to "
                 f"{LARGEST_COORDINATE:g}"
             )
+    if len({bool(frame.width) for frame in frames}) > 1:
+        raise ValueError("frames holds pictures and data without a size; expected one kind")
 
 
 def check_camera(camera: Camera) -> None:
@@ -240,14 +252,14 @@ def check_camera(camera: Camera) -> None:
             )
 
 
-def check_reach(values: Floats, name: str) -> None:
-    """Raises ValueError for a number larger than ``LARGEST_COORDINATE``; null is ignored."""
-    wild = np.abs(np.nan_to_num(values, nan=0.0)) > LARGEST_COORDINATE
+def check_reach(values: Floats, name: str, largest: float = LARGEST_COORDINATE) -> None:
+    """Raises ValueError for a number larger than ``largest``; null is ignored."""
+    wild = np.abs(np.nan_to_num(values, nan=0.0)) > largest
     if wild.any():
         place = np.argwhere(wild)[0]
         where = "".join(f"[{i}]" for i in place)
         found = f"{name}{where} is {values[tuple(place)]:g}"
-        raise ValueError(f"{found}; expected at most {LARGEST_COORDINATE:g}")
+        raise ValueError(f"{found}; expected at most {largest:g}")
 
 
 def check_motions(motions: tuple[Motion, ...], tracks: int, sets: Sequence[HypothesisSet]) -> None:

@@ -14,6 +14,7 @@ import msgspec
 import numpy as np
 
 from mssegment.documents.checks import (
+    are_pictures,
     check_assignments,
     check_camera,
     check_frames,
@@ -70,7 +71,7 @@ class Document(msgspec.Struct, kw_only=True, frozen=True, tag_field="schema"):
     Attributes
     ----------
     frames : list of Frame
-        The images, or the frames of a video.
+        The images, or the frames of a video; data that is no picture has frames without a size.
     camera : Camera or None
         The calibration, where it is known.
     history : list of HistoryEntry
@@ -85,6 +86,11 @@ class Document(msgspec.Struct, kw_only=True, frozen=True, tag_field="schema"):
     frames: list[Frame]
     camera: Camera | None = None
     history: list[HistoryEntry] = []
+
+    @property
+    def of_pictures(self) -> bool:
+        """Whether the positions are pixels of pictures, and not data of another kind."""
+        return are_pictures(self.frames)
 
     def __post_init__(self) -> None:
         """Raises ValueError for frames without a valid size, or an impossible camera."""
@@ -146,7 +152,7 @@ class TracksDocument(Document, frozen=True, tag="mssegment/tracks/1"):
     def __post_init__(self) -> None:
         """Raises ValueError if the arrays do not match the frames or each other."""
         super().__post_init__()
-        check_tracks(self.tracks, len(self.frames))
+        check_tracks(self.tracks, self.frames)
 
 
 class HypothesesDocument(Document, frozen=True, tag="mssegment/hypotheses/2"):
@@ -186,9 +192,9 @@ class HypothesesDocument(Document, frozen=True, tag="mssegment/hypotheses/2"):
     def __post_init__(self) -> None:
         """Raises ValueError if the arrays do not match the frames or each other."""
         super().__post_init__()
-        check_tracks(self.tracks, len(self.frames))
+        check_tracks(self.tracks, self.frames)
         check_status(self.status, self.tracks)
-        check_sets(self.sets, self.tracks, len(self.frames))
+        check_sets(self.sets, self.tracks, self.frames)
         if self.sets and (self.strategy == "consensus") != (self.partition is not None):
             raise ValueError(f"strategy is {self.strategy}, but partition is {self.partition}")
         if self.log_nfa is not None:
@@ -256,8 +262,8 @@ class SegmentationDocument(Document, frozen=True, tag="mssegment/segmentation/2"
     def __post_init__(self) -> None:
         """Raises ValueError if the arrays do not match the frames or each other."""
         super().__post_init__()
-        check_tracks(self.tracks, len(self.frames))
-        check_sets(self.sets, self.tracks, len(self.frames))
+        check_tracks(self.tracks, self.frames)
+        check_sets(self.sets, self.tracks, self.frames)
         count = len(self.tracks.points)
         check_shape(self.labels, (count,), "labels")
         if len(self.labels) and (self.labels.max() > len(self.motions) or self.labels.min() < -2):

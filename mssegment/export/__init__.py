@@ -34,11 +34,14 @@ class Export(Record, frozen=True):
         What is in it, for help texts.
     content : callable
         The bytes of the file, from a report.
+    of_pictures : bool
+        Whether it is one of tracks in pictures, and not of other data.
     """
 
     file: str
     description: str
     content: Callable[[Report], bytes]
+    of_pictures: bool = True
 
 
 def export(report: Report, names: Iterable[str]) -> dict[str, bytes]:

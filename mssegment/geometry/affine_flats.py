@@ -23,10 +23,7 @@ def distance_to_hyperplane(planes: Floats, vectors: Floats) -> Floats:
     """Distances [B, P] of vectors [P, d] or [B, P, d] from hyperplanes [B, d + 1, 1]."""
     normals, offsets = planes[:, :-1, 0], planes[:, -1, 0]
     steepness = np.maximum(np.linalg.norm(normals, axis=1), 1e-300)
-    if vectors.ndim == 2:
-        heights = normals @ vectors.T
-    else:
-        heights = (vectors @ normals[:, :, None])[..., 0]
+    heights = normals @ vectors.T if vectors.ndim == 2 else (vectors @ normals[:, :, None])[..., 0]
     return np.asarray(np.abs(heights + offsets[:, None]) / steepness[:, None])
 
 

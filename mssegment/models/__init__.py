@@ -11,7 +11,8 @@ from mssegment.records import Floats, HypothesisSet
 from mssegment.registry import EVIDENCE, MODELS, Registry
 
 __all__ = ["EVIDENCE", "EXAMPLE_CAMERA", "MODELS", "Flags", "MotionModel"]
-__all__ += ["automatic", "class_named", "make", "of_set", "remarks"]
+__all__ += ["automatic", "class_named", "example", "make", "of_data", "of_pictures", "of_set"]
+__all__ += ["remarks"]
 
 
 def make(name: str, *, frames: int = 2, rank: int = 3, dimension: int = 2) -> MotionModel:
@@ -55,6 +56,30 @@ def make(name: str, *, frames: int = 2, rank: int = 3, dimension: int = 2) -> Mo
     """
     kind = class_named(name)
     return kind.build(frames, rank) if kind.of_pictures else kind.build(frames, rank, dimension)
+
+
+def example(name: str) -> MotionModel:
+    """A model of this name with the usual number of frames, coordinates and rank.
+
+    Examples
+    --------
+    >>> example("subspace").manifold.name
+    'grassmann(3,2)'
+    """
+    kind = class_named(name)
+    frames = kind.max_frames or kind.min_frames
+    rank = 3 if kind.of_pictures else 2
+    return make(name, frames=frames, rank=rank, dimension=kind.coordinates or 3)
+
+
+def of_pictures() -> list[str]:
+    """The names of the models of tracks in pictures."""
+    return [name for name, model in MODELS.items() if model.of_pictures]
+
+
+def of_data() -> list[str]:
+    """The names of the models of data that is no picture."""
+    return [name for name, model in MODELS.items() if not model.of_pictures]
 
 
 def class_named(name: str) -> type[MotionModel]:

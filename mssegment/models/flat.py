@@ -81,4 +81,3 @@ class Flat(MotionModel):
             along = matches @ axis.T - (foot * axis).sum(axis=1)
             apart -= along**2
         return np.asarray(np.maximum(apart, 0.0))
-

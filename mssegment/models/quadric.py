@@ -146,8 +146,9 @@ class Quadric(DataModel):
         monomials, gradients = self._monomials(vectors), self._gradients(vectors)
         values, gradient = self._values(coefficients, vectors)
         length = np.sqrt(np.maximum((gradient**2).sum(axis=-1), 1e-300))
-        along = np.einsum("bpd,...pdm->bpm" if vectors.ndim == 2 else "bpd,bpdm->bpm",
-                          gradient, gradients)
+        along = np.einsum(
+            "bpd,...pdm->bpm" if vectors.ndim == 2 else "bpd,bpdm->bpm", gradient, gradients
+        )
         error = values / length
         return error, (monomials - (error / length)[..., None] * along) / length[..., None]
 
@@ -156,22 +157,15 @@ class Quadric(DataModel):
         monomials, gradients = self._monomials(vectors), self._gradients(vectors)
         m = monomials.shape[-1]
         scatter = np.swapaxes(monomials, -1, -2) @ (weights[..., None] * monomials)
-        flat = np.swapaxes(gradients, -2, -1).reshape(*gradients.shape[:-2], m, -1)
         if vectors.ndim == 2:
             outer = np.einsum("pdm,pdn->pmn", gradients, gradients).reshape(len(vectors), -1)
             slopes = (weights @ outer).reshape(len(weights), m, m)
         else:
             slopes = np.einsum("bp,bpdm,bpdn->bmn", weights, gradients, gradients, optimize=True)
-        del flat
-        total = np.maximum(np.trace(slopes, axis1=1, axis2=2), 1e-300)[:, None, None]
         # the constant has no gradient, so the problem is turned round: largest slope over value
-        ridge = 1e-12 * np.trace(scatter, axis1=1, axis2=2)[:, None, None] * np.eye(m)
-        lower = np.linalg.cholesky(scatter + ridge + 1e-300 * np.eye(m))
-        half = np.linalg.solve(lower, slopes / total)
-        values, vectors_ = np.linalg.eigh(
-            np.linalg.solve(lower, np.swapaxes(half, 1, 2))
-        )
-        found = np.linalg.solve(np.swapaxes(lower, 1, 2), vectors_[:, :, -1:])[..., 0]
+        values, axes = np.linalg.eigh(scatter)
+        whitened = axes / np.sqrt(np.maximum(values, 1e-12 * values[:, -1:]) + 1e-300)[:, None]
+        steepest = np.linalg.eigh(np.swapaxes(whitened, 1, 2) @ slopes @ whitened)[1][:, :, -1:]
+        found = (whitened @ steepest)[..., 0]
         found /= np.maximum(np.linalg.norm(found, axis=1, keepdims=True), 1e-300)
-        least = np.linalg.eigvalsh(scatter)
-        return found, np.asarray(least[:, 1] > MIN_SECOND_VALUE * least[:, -1])
+        return found, np.asarray(values[:, 1] > MIN_SECOND_VALUE * values[:, -1])

@@ -28,6 +28,7 @@ from mssegment.records import (
     Motion,
     Record,
     Tracks,
+    replace,
 )
 from mssegment.rendering.style import LabelStyle, camera_style, label_style
 
@@ -41,8 +42,8 @@ PictureOf = Callable[[int], Picture | None]
 """The picture of a frame by its index, or None where it is not available."""
 
 SCHEMA = "mssegment/report/1"
-IN_PIXELS = ("matrix", "direction", "epipole")
-"""The fields of a motion in pixels that ``report_json`` has."""
+IN_PIXELS = ("matrix", "direction", "epipole", "coefficients")
+"""The fields of a motion in pixels, or in the unit of the data, that ``report_json`` has."""
 
 
 def no_picture(index: int) -> None:
@@ -81,6 +82,8 @@ class Report(Record, frozen=True, eq=False):
         What the comparison with the true labels is based on.
     mask_quality : tuple of MaskQuality
         J and F of the masks of each true object, where both were made.
+    data : float array [P, F, d], optional
+        Data that is no picture; ``tracks`` are then its points in the pixels of a view.
     """
 
     frames: tuple[Frame, ...]
@@ -97,6 +100,27 @@ class Report(Record, frozen=True, eq=False):
     trajectories: tuple[tuple[Floats, ...], ...] = ()
     evaluation_notes: tuple[str, ...] = ()
     mask_quality: tuple[MaskQuality, ...] = ()
+    data: Floats | None = None
+
+    @property
+    def of_pictures(self) -> bool:
+        """Whether the tracks are positions in pictures, and not data that is drawn as one."""
+        return self.data is None
+
+    @property
+    def unit(self) -> str:
+        """The unit of residuals, in tables: pixels, or that of the data."""
+        return "px" if self.of_pictures else ""
+
+    @property
+    def noun(self) -> str:
+        """What a label stands for."""
+        return "motion" if self.of_pictures else "structure"
+
+    @property
+    def things(self) -> str:
+        """What has a label, in the plural."""
+        return "tracks" if self.of_pictures else "points"
 
     @property
     def labels(self) -> Integers:
@@ -122,7 +146,11 @@ class Report(Record, frozen=True, eq=False):
 
     def style(self, label: int) -> LabelStyle:
         """How a label is shown."""
-        return camera_style(label) if label == self.camera_motion else label_style(label)
+        if label == self.camera_motion:
+            return camera_style(label)
+        found = label_style(label)
+        named = label > 0 and not self.of_pictures
+        return replace(found, name=f"structure {label}") if named else found
 
     @property
     def objects(self) -> tuple[Motion, ...]:
@@ -207,11 +235,18 @@ def build_report(
         ]
         res = tuple(error[0] for error in errors)
         res_hat = tuple(error[1] for error in errors)
+    data = None
+    if frames and not frames[0].width:
+        from mssegment.rendering.data_view import data_display
+
+        data = tracks.points
+        frames, tracks, pictures = data_display(data, tracks, frames, segmentation.labels)
     return Report(
         frames=tuple(frames),
         tracks=tracks,
         sets=tuple(sets),
         segmentation=segmentation,
+        data=data,
         pictures=pictures or no_picture,
         truth=truth,
         evaluation=evaluation,
@@ -325,7 +360,7 @@ def report_json(report: Report) -> dict[str, Any]:
         "notes": list(report.notes),
         "frames": [
             {"path": f.path, "width": f.width, "height": f.height, "index": f.index}
-            for f in report.frames
+            for f in (report.frames if report.of_pictures else ())
         ],
         "history": [dict(stage) for stage in report.history],
     }
@@ -379,7 +414,15 @@ def _motion_json(report: Report, motion: Motion) -> dict[str, Any]:
         "true_motion": report.true_motion(motion.label),
         "parameters": _numbers(motion.parameters),
         **{name: _array(getattr(motion, name)) for name in IN_PIXELS},
+        **({} if report.of_pictures else _flat_json(motion)),
     }
+
+
+def _flat_json(motion: Motion) -> dict[str, Any]:
+    """``origin`` and ``basis`` of a line or subspace, as vectors of the data."""
+    if motion.basis is None or motion.origin is None:
+        return {}
+    return {"origin": _numbers(motion.origin[0]), "basis": _numbers(motion.basis[0])}
 
 
 def _number(value: float | None) -> float | None:

@@ -31,11 +31,13 @@ def result_table(report: Report, *, plain: bool = False) -> Table:
 
     ``plain`` gives numbers without markers, for other programs, and the camera a column.
     """
-    header = ["motion", "inliers", "hypotheses", "kde", "rms px"]
+    header = [report.noun, "inliers", "hypotheses", "kde", f"rms {report.unit}".strip()]
     with_truth = report.evaluation is not None
     with_model = len({chosen.model for chosen in report.sets}) > 1
     with_camera = plain and report.camera_motion is not None
-    header += ["model"] * with_model + ["true motion"] * with_truth + ["camera"] * with_camera
+    header += (
+        ["model"] * with_model + [f"true {report.noun}"] * with_truth + ["camera"] * with_camera
+    )
     rows = []
     for motion in report.motions:
         modes = report.modes_of(motion.label)
@@ -46,7 +48,7 @@ def result_table(report: Report, *, plain: bool = False) -> Table:
             str(len(report.members(motion.label))),
             str(sum(mode.hypotheses for mode in modes)),
             density(modes[0].kde if modes else None),
-            fixed(motion.rms, 2),
+            fixed(motion.rms, 2) if report.of_pictures else number(motion.rms, 3),
         ]
         if with_model:
             row.append(motion.model)
@@ -60,7 +62,7 @@ def result_table(report: Report, *, plain: bool = False) -> Table:
     counted = [("outliers", OUTLIER), ("background", BACKGROUND), ("not judged", NOT_JUDGED)]
     tail = [(name, str(len(report.members(label))), *blank) for name, label in counted]
     kept = [row for row in tail if row[0] == "outliers" or row[1] != "0"]
-    return Table("Motions", tuple(header), (*rows, *kept), rules=(len(rows),))
+    return Table(f"{report.noun}s".title(), tuple(header), (*rows, *kept), rules=(len(rows),))
 
 
 def modes_table(report: Report, limit: int | None = None) -> Table:
@@ -77,7 +79,7 @@ def modes_table(report: Report, limit: int | None = None) -> Table:
     modes = report.segmentation.modes
     limit = max(4, len(report.motions) + 1) if limit is None else limit
     several = len(report.sets) > 1
-    header = ["mode", "hypotheses", "kde", "motion"] + (["set"] if several else [])
+    header = ["mode", "hypotheses", "kde", report.noun] + (["set"] if several else [])
     rows = []
     for i, mode in enumerate(modes):
         if i >= limit and mode.motion <= 0:
@@ -146,8 +148,9 @@ def tables_of(report: Report, *, plain: bool = False) -> list[Table]:
 def summary(report: Report) -> str:
     """One line: the number of motions, and the misclassification if there are true labels."""
     count = len(report.motions)
-    motions = "no motion" if count == 0 else f"{count} motion{'s' if count > 1 else ''}"
-    text = f"{motions} in {len(report.labels)} tracks"
+    noun = report.noun
+    motions = f"no {noun}" if count == 0 else f"{count} {noun}{'s' if count > 1 else ''}"
+    text = f"{motions} in {len(report.labels)} {report.things}"
     if report.evaluation is None:
         return text
     evaluation = report.evaluation

@@ -188,7 +188,7 @@ def _check_arguments(
 
 def _advice(frames: int) -> str:
     """What to do if a model does not accept this number of frames."""
-    known = [name for name, model in motion_models.MODELS.items() if model.accepts(frames)]
+    known = [n for n in motion_models.of_pictures() if motion_models.MODELS[n].accepts(frames)]
     if not known:
         return "use more images"
     names = " or ".join([", ".join(known[:-1]), known[-1]] if known[1:] else known)

@@ -77,6 +77,10 @@ def check_sampling(options: SamplingOptions, strategy: Strategy, frames: int) ->
         If an option is set that neither the strategy nor the models use.
     """
     names = options.models(frames)
+    if has_ranks(names) and options.rank not in ("auto", 3, 4) and not of_data(names):
+        raise ConfigurationError(
+            f"hypothesize.rank is {options.rank}; expected auto, 3 or 4 for model {names[0]}"
+        )
     for name in ("rank", "count", "sampling", "derotate"):
         value, default = getattr(options, name), getattr(DEFAULTS, name)
         if value == default:

@@ -22,11 +22,14 @@ from mssegment.records import Floats, HypothesisSet, Integers, Normalization, Re
 from mssegment.sampling.neighbourhoods import random_subset
 from mssegment.sampling.null_model import NullModel
 from mssegment.sampling.options import Sampling, SamplingOptions
+from mssegment.special import median
 
 SUBSETS_PER_BATCH = 500
 """Subsets drawn and optimized at a time."""
 OPTIMIZATION_ROUNDS = 4
 """Refits of a hypothesis to the inliers that the test finds."""
+MAX_LOG_NFA = math.log(0.01)
+"""Largest logarithm of the expected number of false alarms: one in a hundred sets of data."""
 FINAL_ROUNDS = 10
 """The same for those that are kept."""
 DOMINATED = 0.5
@@ -142,21 +145,23 @@ def _sample(
     subsets: list[Integers] = []
     found: list[Floats] = []
     drawn = valid = kept = unchanged = 0
-    limit = MAX_DRAWS if automatic else max(MAX_DRAWS, 20 * target)
+    limit = MAX_DRAWS if automatic else max(SUBSETS_PER_BATCH, 20 * target)
     for _ in track(range(math.ceil(limit / SUBSETS_PER_BATCH)), "batches"):
         chosen = _draw(data, options.sampling, progress.largest == 0.0, rng)
         points, regular = model.minimal_fit(data.observed[chosen])
         chosen, points = chosen[regular], points[regular]
         points, inliers, log_nfa = optimized(data.null, data.observed, points)
-        meaningful = log_nfa < 0
+        meaningful = log_nfa < MAX_LOG_NFA
         drawn, valid = drawn + SUBSETS_PER_BATCH, valid + len(chosen)
         kept += int(meaningful.sum())
         subsets.append(chosen[meaningful])
         found.append(points[meaningful])
         stalled = progress.add(inliers[meaningful], -log_nfa[meaningful])
         unchanged = unchanged + 1 if stalled else 0
-        if automatic and unchanged and (
-            kept >= MIN_HYPOTHESES or (drawn >= MIN_DRAWS and unchanged >= NOTHING_NEW)
+        if (
+            automatic
+            and unchanged
+            and (kept >= MIN_HYPOTHESES or (drawn >= MIN_DRAWS and unchanged >= NOTHING_NEW))
         ):
             break
         if not automatic and kept >= target:
@@ -185,7 +190,7 @@ def optimized(
     for _ in range(rounds):
         if not len(active):
             break
-        fitted, valid = model.fit(observed, inliers[active].astype(np.float64))
+        fitted, valid = model.algebraic_fit(observed, inliers[active].astype(np.float64))
         rows, fitted = active[valid], fitted[valid]
         now, nfa = null.inliers(fitted, model.residuals(fitted, observed, unit))
         better = nfa < log_nfa[rows]
@@ -206,8 +211,8 @@ def finished(null: NullModel, observed: Floats, points: Floats) -> tuple[Floats,
     if not len(points):
         return points, np.zeros(0, dtype=bool)
     best = (inliers * evidence[:, None]).max(axis=0)
-    of_inliers = np.ma.median(np.ma.masked_array(np.tile(best, (len(points), 1)), ~inliers), axis=1)
-    return points, np.asarray(evidence >= DOMINATED * of_inliers.filled(0.0))
+    usual = np.array([median(best[own]) if own.any() else np.inf for own in inliers])
+    return points, np.asarray(evidence >= DOMINATED * usual)
 
 
 def _draw(data: _Data, sampling: Sampling, left: Flags, rng: np.random.Generator) -> Integers:

@@ -21,7 +21,12 @@ from mssegment.records import OUTLIER, Integers, Record, replace
 from mssegment.sampling.neighbourhoods import nearest_neighbours, neighbour_space
 from mssegment.segmentation.mdl.candidates import Candidates, Family, concatenate, from_modes
 from mssegment.segmentation.mdl.continuity import merge_faces
-from mssegment.segmentation.mdl.data_prices import data_families
+from mssegment.segmentation.mdl.data_prices import (
+    data_families,
+    on_all_points,
+    sample_of,
+    without_unit,
+)
 from mssegment.segmentation.mdl.description import Description, least_tracks
 from mssegment.segmentation.mdl.granularity import parallax_noise, scale_range, suggest
 from mssegment.segmentation.mdl.labelling import (
@@ -101,9 +106,9 @@ def mdl(problem: SelectionProblem, ingredients: Ingredients = ALL_INGREDIENTS) -
     Delong, Osokin, Isack and Boykov, Fast approximate energy minimization with label costs, 2012.
     """
     problem, notes = decide_granularity(problem, ingredients)
-    best, description = shortest_description(problem, ingredients)
     if not is_of_pictures(problem):
-        return _data_result(best, description)
+        return _structures(problem, ingredients)
+    best, description = shortest_description(problem, ingredients)
     labels, best = final_labels(problem, best, description, ingredients.neighbour_labels)
     if problem.options.granularity == "object" and problem.options.motions is None:
         labels, best = merge_faces(problem, labels, best, description)
@@ -121,10 +126,20 @@ def mdl(problem: SelectionProblem, ingredients: Ingredients = ALL_INGREDIENTS) -
     return SelectionResult(tuple(found), tuple(notes), bodies)
 
 
-def _data_result(best: Candidates, description: Description) -> SelectionResult:
-    """The structures of data that is no picture."""
-    found = selected_motions(best, description.labels(best), description)
-    notes = ()
+def _structures(problem: SelectionProblem, ingredients: Ingredients) -> SelectionResult:
+    """The structures of data that is no picture; selected on a sample of very many points."""
+    normalized = without_unit(problem)
+    best, description = shortest_description(sample_of(normalized), ingredients)
+    if len(best):
+        best, description = on_all_points(normalized, best, description)
+    found = [
+        replace(
+            one,
+            scale=one.scale * problem.observed_sets[one.set_index].hypotheses.normalization.scale,
+        )
+        for one in selected_motions(best, description.labels(best), description)
+    ]
+    notes: tuple[str, ...] = ()
     if len(found) < description.min_motions:
         notes = (f"{description.min_motions} structures requested, {len(found)} found",)
     return SelectionResult(tuple(found), notes)
@@ -228,7 +243,7 @@ def make_description(
 def make_families(problem: SelectionProblem, ingredients: Ingredients) -> list[Family]:
     """The sets of ``problem`` with the noise of each."""
     if not is_of_pictures(problem):
-        return data_families(problem, ingredients.degrees_of_freedom)
+        return data_families(problem)
     outlier_cost = uniform_cost(problem.points)
     families = []
     for index, observed_set in enumerate(problem.observed_sets):

@@ -8,19 +8,23 @@ the modes, each with the inliers that the test finds.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
 
-from mssegment.records import Floats, Normalization
+from mssegment.records import Floats, Normalization, replace
 from mssegment.sampling.null_model import RESOLUTION, NullModel
 from mssegment.sampling.observed import ObservedSet
-from mssegment.segmentation.mdl.candidates import Family
+from mssegment.segmentation.mdl.candidates import Candidates, Family
+from mssegment.segmentation.mdl.description import Description
 from mssegment.segmentation.mdl.likelihood import Noise
 from mssegment.segmentation.selection import SelectionProblem
 from mssegment.special import median
 
-SCALE_RATIO = 3.0
+MAX_POINTS = 4000
+"""Points on which structures are selected; of more, a random sample."""
+SCALE_RATIO = 2.0
 """The noise of a structure is at most this many times smaller or larger than that of the modes."""
 
 
@@ -37,11 +41,11 @@ class DataFamily(Family, frozen=True):
 
     def point_cost(self, points: Floats) -> Floats:
         """Nats [B] to say where a point near each structure is without it, across it."""
-        return point_cost(self.null, points, self.observed_set.hypotheses.normalization.scale)
+        return -self.null.log_density(points)
 
 
-def data_families(problem: SelectionProblem, degrees_of_freedom: float) -> list[Family]:
-    """The sets of ``problem``, with costs and noise measured in the data."""
+def data_families(problem: SelectionProblem, degrees_of_freedom: float = math.inf) -> list[Family]:
+    """The sets of ``problem`` in normalized coordinates, with costs and noise of the data."""
     families: list[Family] = []
     for index, observed_set in enumerate(problem.observed_sets):
         modes = [mode.point for mode in problem.modes if mode.set_index == index]
@@ -57,8 +61,8 @@ def _family(
     modes: Sequence[Floats],
     degrees_of_freedom: float,
 ) -> DataFamily:
-    points, unit = np.stack(modes), observed_set.hypotheses.normalization.scale
-    noise = max(measured_noise(observed_set, null, points), RESOLUTION) * unit
+    points = np.stack(modes)
+    noise = max(measured_noise(observed_set, null, points), RESOLUTION)
     return DataFamily(
         index,
         observed_set,
@@ -68,7 +72,7 @@ def _family(
             floor=noise / SCALE_RATIO,
             cap=noise * SCALE_RATIO,
             log_free_extent=0.0,
-            outlier_cost=median(point_cost(null, points, unit)),
+            outlier_cost=-median(null.log_density(points)),
             parallax=np.zeros(len(observed_set.observed)),
             degrees_of_freedom=degrees_of_freedom,
         ),
@@ -76,9 +80,51 @@ def _family(
     )
 
 
-def point_cost(null: NullModel, points: Floats, unit: float) -> Floats:
-    """Minus the log density of the null near structures [B], per unit of volume of the data."""
-    return np.asarray(null.model.residual_dimension * np.log(unit) - null.log_density(points))
+def without_unit(problem: SelectionProblem) -> SelectionProblem:
+    """The problem in normalized coordinates, so that the unit of the data changes nothing."""
+    sets = []
+    for one in problem.observed_sets:
+        unit = Normalization(np.zeros(one.observed.shape[1:]), 1.0)
+        sets.append(replace(one, hypotheses=replace(one.hypotheses, normalization=unit)))
+    return replace(problem, points=sets[0].observed, observed_sets=tuple(sets))
+
+
+def sample_of(problem: SelectionProblem) -> SelectionProblem:
+    """The problem for a random sample of ``MAX_POINTS`` points, if there are more."""
+    count = len(problem.points)
+    if count <= MAX_POINTS:
+        return problem
+    rows = np.sort(problem.rng.choice(count, MAX_POINTS, replace=False))
+    sampled = tuple(
+        replace(one, tracks=np.arange(len(rows)), observed=one.observed[rows])
+        for one in problem.observed_sets
+    )
+    return replace(
+        problem, points=problem.points[rows], observed_sets=sampled, tracks=problem.tracks[rows]
+    )
+
+
+def on_all_points(
+    problem: SelectionProblem, found: Candidates, description: Description
+) -> tuple[Candidates, Description]:
+    """Structures that were found on a sample, and their description, for all points."""
+    count = len(problem.points)
+    if found.residuals.shape[1] == count:
+        return found, description
+    families = []
+    for family, observed_set in zip(description.families, problem.observed_sets, strict=True):
+        noise = replace(family.noise, parallax=np.zeros(count))
+        families.append(replace(family, observed_set=observed_set, noise=noise))
+    residuals, gains = np.zeros((len(found), count)), np.zeros((len(found), count))
+    for family in families:
+        rows = np.flatnonzero(found.set_indices == family.index)
+        if len(rows):
+            points = np.stack([found.points[k] for k in rows])
+            residuals[rows] = family.residuals(points)
+            scales = found.scales[rows]
+            gains[rows] = family.gains(points, residuals[rows], scales, np.zeros((0, 0)))
+    whole = replace(found, residuals=residuals, gains=gains)
+    return whole, replace(description, families=families, positions=problem.points[:, 0])
 
 
 def measured_noise(observed_set: ObservedSet, null: NullModel, points: Floats) -> float:
