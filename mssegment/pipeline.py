@@ -325,7 +325,10 @@ def _hypothesize_data(document: TracksDocument, configuration: Configuration) ->
 
 @with_one_thread
 def cluster(
-    document: HypothesesDocument, configuration: Configuration, threads: int = 1
+    document: HypothesesDocument,
+    configuration: Configuration,
+    threads: int = 1,
+    with_modes: bool = True,
 ) -> SegmentationDocument:
     """Stage 4: find modes, motions and labels, with the strategy of the document.
 
@@ -337,6 +340,8 @@ def cluster(
         The settings.
     threads : int
         Number of threads of mean shift.
+    with_modes : bool
+        Whether consensus looks for the mode of each motion, on which its labels do not depend.
 
     Returns
     -------
@@ -372,6 +377,7 @@ def cluster(
         status=document.status,
         options=_segment_options(configuration, threads),
         rng=_random("cluster", configuration),
+        with_modes=with_modes,
     )
     return _segmentation(document, _with_camera(found, document, configuration), configuration)
 

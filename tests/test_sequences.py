@@ -10,12 +10,12 @@ import pytest
 from mssegment.records import BACKGROUND, NOT_JUDGED, OUTLIER, Floats, Integers
 from mssegment.sequences.identities import IdentityTracker, WindowIdentities, WindowLabels
 from mssegment.sequences.lifetimes import (
-    LONGEST_WINDOW,
+    ONE_WINDOW,
     WindowLimits,
     plan_windows,
     rates_of_endings,
 )
-from mssegment.sequences.parts import coherent, join_parts
+from mssegment.sequences.parts import coherent, join_parts, split_apart
 from mssegment.sequences.reappearance import Sight, reappeared
 from mssegment.sequences.short_tracks import label_short_tracks
 
@@ -47,7 +47,7 @@ class TestLifetimes:
             assert first < following < stop
 
     def test_a_sequence_of_100_frames_is_one_window_unless_asked(self) -> None:
-        points = mortal_tracks(np.random.default_rng(0), LONGEST_WINDOW, 0.2)
+        points = mortal_tracks(np.random.default_rng(0), ONE_WINDOW, 0.2)
         assert plan_windows(points, WindowLimits()) == [(0, 100)]
         assert plan_windows(points, WindowLimits(40, 10)) == [(0, 40), (30, 70), (60, 100)]
 
@@ -223,6 +223,13 @@ class TestParts:
         )
         more = np.concatenate([points, between])
         found = join_parts(more, np.append(labels, np.full(len(between), BACKGROUND)))
+        assert set(found[:50]) == {1, 2}
+
+    def test_groups_that_lie_apart_are_two(self) -> None:
+        points, labels = parts(block((150, 150), (4, 0)), block((450, 450), (4, 0)))
+        together = np.where(labels == 2, 1, labels)
+        found = split_apart(points, together)
+        assert len(set(found[:25])) == len(set(found[25:50])) == 1
         assert set(found[:50]) == {1, 2}
 
     def test_tracks_that_move_one_after_the_other_are_no_object(self) -> None:

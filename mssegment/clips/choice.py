@@ -11,7 +11,7 @@ from mssegment.configuration import Configuration
 from mssegment.errors import ConfigurationError
 from mssegment.imaging.streams import Clip, long_clip
 from mssegment.pipeline import check_settings
-from mssegment.sequences.lifetimes import LONGEST_WINDOW, WindowLimits
+from mssegment.sequences.lifetimes import ONE_WINDOW, WindowLimits
 from mssegment.version import __version__
 
 EXPORTS = ("tracks", "objects", "mot")
@@ -34,7 +34,7 @@ def clip_of(configuration: Configuration) -> Clip | None:
     if configuration.sequence.window == "none" or read.tracks is not None:
         return None
     limits = limits_of(configuration)
-    longest = LONGEST_WINDOW if limits.length == "auto" else limits.length
+    longest = ONE_WINDOW if limits.length == "auto" else limits.length
     clip = long_clip(read.images, read.start, read.stop, read.step, longest)
     if clip is not None:
         _check(configuration)
@@ -51,7 +51,7 @@ def _check(configuration: Configuration) -> None:
     ):
         if given:
             raise ConfigurationError(
-                f"{key} is set, but a clip of more than {LONGEST_WINDOW} frames is segmented in "
+                f"{key} is set, but a clip of more than {ONE_WINDOW} frames is segmented in "
                 "windows, which have none; choose fewer frames (input.start, input.stop, "
                 "input.step), or set sequence.window to none"
             )
@@ -60,7 +60,7 @@ def _check(configuration: Configuration) -> None:
         raise ConfigurationError(
             f"match.method is {configuration.match.method}; expected flow for a clip"
         )
-    check_settings(configuration, LONGEST_WINDOW)
+    check_settings(configuration, ONE_WINDOW)
 
 
 def key_of(clip: Clip, configuration: Configuration) -> str:

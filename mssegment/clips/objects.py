@@ -25,6 +25,8 @@ def objects_of(windows: Iterable[tuple[WindowDocument, WindowTracks]]) -> list[C
     seen: dict[int, _Seen] = {}
     for document, tracks in windows:
         for motion in document.motions:
+            if motion.identity < 0:
+                continue
             one = seen.setdefault(motion.identity, _Seen())
             _extend(one.moving, motion.first, motion.last)
             one.largest = max(one.largest, motion.tracks)

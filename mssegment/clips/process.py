@@ -9,7 +9,7 @@ from __future__ import annotations
 import contextvars
 import queue
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -34,7 +34,7 @@ from mssegment.imaging.pictures import white_level
 from mssegment.imaging.streams import Clip, grey_bytes, in_background
 from mssegment.imaging.tracking import FramePoints, StreamTracker, TrackerState
 from mssegment.progress import listening, report
-from mssegment.records import BACKGROUND, Floats, Frame, Record
+from mssegment.records import BACKGROUND, Floats, Frame, Motion, Record
 from mssegment.sequences.identities import IdentityTracker, WindowIdentities, WindowLabels
 
 Bytes = npt.NDArray[np.uint8]
@@ -240,7 +240,14 @@ class _Worker:
         own = window.points[:, : window.own]
         self._store.write_window(
             document,
-            WindowTracks.of(window.start, window.tracks, own, found.labels, joined.tracks),
+            WindowTracks.of(
+                window.start,
+                window.tracks,
+                own,
+                found.labels,
+                joined.tracks,
+                _matrices(found.motions, len(window.frames)),
+            ),
         )
         self._store.write_state(self._state(window))
         self.windows = window.index + 1
@@ -257,6 +264,15 @@ class _Worker:
             background=self._background,
             identities=self._identities,
         )
+
+
+def _matrices(motions: Sequence[Motion], frames: int) -> Floats:
+    """The maps [m, frames, 3, 3] of the motions, NaN where there is none."""
+    found = np.full((len(motions), frames, 3, 3), np.nan)
+    for own, motion in zip(found, motions, strict=True):
+        if motion.matrix is not None and motion.matrix.shape == own.shape:
+            own[:] = motion.matrix
+    return found
 
 
 def _document(

@@ -26,7 +26,7 @@ from mssegment.records import (
     Tracks,
     replace,
 )
-from mssegment.sequences.parts import coherent, join_parts
+from mssegment.sequences.parts import coherent, join_parts, split_apart
 from mssegment.sequences.short_tracks import label_short_tracks
 
 LEAST_LENGTH = 3
@@ -107,7 +107,7 @@ def segment_window(
     is_static = bool((found.labels == BACKGROUND).any())
     objects = labels
     if is_static:
-        objects = join_parts(points, coherent(points, labels))
+        objects = join_parts(points, coherent(points, split_apart(points, labels)))
     return SegmentedWindow(
         labels=label_short_tracks(points, objects),
         motions=_motions(found.motions, labels, objects),
@@ -132,4 +132,4 @@ def _segment(
     document: TracksDocument, configuration: Configuration, earlier: npt.NDArray[np.bool_]
 ) -> SegmentationDocument:
     drawn = pipeline.hypothesize(document, configuration, earlier)
-    return pipeline.cluster(drawn, configuration)
+    return pipeline.cluster(drawn, configuration, with_modes=False)

@@ -32,7 +32,7 @@ class WindowMotion(Record, frozen=True):
     label : int
         Its label in the window.
     identity : int
-        The object; 0 is the static world, seen by a moving camera.
+        The object; 0 is the static world, seen by a moving camera, -1 none.
     model : str
         The motion model.
     tracks : int
@@ -195,6 +195,9 @@ class WindowTracks(Record, frozen=True):
         Its object; 0 the static world, -1 none.
     points : ndarray [sum of length, 2] of float32
         The positions in pixels, run after run.
+    matrices : ndarray [m, L, 3, 3] of float64
+        For each motion, the affine map in pixels from the first frame that shows it to each frame
+        of the window; NaN where its tracks determine none.
     """
 
     track: Integers
@@ -203,10 +206,17 @@ class WindowTracks(Record, frozen=True):
     label: Integers
     identity: Integers
     points: npt.NDArray[np.float32]
+    matrices: Floats
 
     @classmethod
     def of(
-        cls, start: int, tracks: Integers, points: Floats, labels: Integers, identities: Integers
+        cls,
+        start: int,
+        tracks: Integers,
+        points: Floats,
+        labels: Integers,
+        identities: Integers,
+        matrices: Floats | None = None,
     ) -> WindowTracks:
         """The runs of tracks [P] whose positions [P, L, 2] begin with frame ``start``."""
         visible = np.asarray(np.isfinite(points).all(axis=2))
@@ -220,6 +230,7 @@ class WindowTracks(Record, frozen=True):
             label=labels[row],
             identity=identities[row],
             points=points[visible].astype(np.float32),
+            matrices=np.zeros((0, 0, 3, 3)) if matrices is None else matrices,
         )
 
     def to_bytes(self) -> bytes:
@@ -233,6 +244,7 @@ class WindowTracks(Record, frozen=True):
             label=self.label.astype(np.int16),
             identity=self.identity.astype(np.int32),
             points=self.points,
+            matrices=self.matrices,
         )
         return out.getvalue()
 
@@ -246,13 +258,14 @@ class WindowTracks(Record, frozen=True):
                     for name in ("track", "first", "length", "label", "identity")
                 }
                 points = np.asarray(arrays["points"], np.float32)
+                matrices = np.asarray(arrays["matrices"], np.float64)
         except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile) as error:
             raise DataError(f"{path}: not the tracks of a window ({error})") from None
         if integers["length"].sum() != len(points) or points.ndim != 2:
             raise DataError(
                 f"{path}: {len(points)} positions for runs of {integers['length'].sum()} frames"
             )
-        return cls(**integers, points=points)
+        return cls(**integers, points=points, matrices=matrices)
 
     def spread(self) -> tuple[Integers, Integers]:
         """The row and the frame of each of the ``points``."""

@@ -325,11 +325,22 @@ def _cells_covered(points: Floats, static: Flags, frame_size: Sequence[int]) -> 
 
 
 def _quantile(values: Floats, share: float) -> Floats:
-    """The quantile of the finite values of each row; many times faster for complete rows."""
+    """The quantile of the finite values of each row, which has some: as ``np.nanquantile``.
+
+    That goes from row to row in Python, which takes a hundred times as long.
+    """
     complete = np.isfinite(values).all(axis=1)
     found = np.empty(len(values))
     if complete.any():
         found[complete] = quantile(values[complete], share)
-    if not complete.all():
-        found[~complete] = np.nanquantile(values[~complete], share, axis=1)
+    rest = np.sort(values[~complete], axis=1)  # NaN last
+    place = (np.isfinite(rest).sum(axis=1) - 1) * share
+    low = np.floor(place).astype(np.int64)
+    rows = np.arange(len(rest))
+    below, above = rest[rows, low], rest[rows, np.minimum(low + 1, rest.shape[1] - 1)]
+    above = np.where(np.isfinite(above), above, below)
+    part = place - low
+    # as NumPy interpolates, to the last digit
+    step = above - below
+    found[~complete] = np.where(part < 0.5, below + step * part, above - step * (1 - part))
     return found

@@ -24,6 +24,7 @@ def cluster(
     status: Integers | None = None,
     options: SegmentOptions = DEFAULTS,
     rng: np.random.Generator,
+    with_modes: bool = True,
 ) -> ClusterResult:
     """Segment tracks by hypotheses, with the strategy that these were drawn for.
 
@@ -40,6 +41,8 @@ def cluster(
         The settings.
     rng : numpy.random.Generator
         Source of random numbers.
+    with_modes : bool
+        Whether consensus looks for the mode of each motion, on which its labels do not depend.
 
     Returns
     -------
@@ -78,7 +81,14 @@ def cluster(
     if hypotheses.strategy == "consensus":
         from mssegment.segmentation.consensus import segment_by_consensus
 
-        found = segment_by_consensus(points, hypotheses, status=status, options=options, rng=rng)
+        found = segment_by_consensus(
+            points,
+            hypotheses,
+            status=status,
+            options=options,
+            rng=rng,
+            with_modes=with_modes,
+        )
         return with_pixels(found, hypotheses.sets, points)
     select: Selection = SELECTIONS[options.selection]
     if hypotheses.strategy == "mixture":

@@ -25,6 +25,7 @@ from mssegment.records import (
     field,
     replace,
 )
+from mssegment.sequences.extent import Whole
 from mssegment.sequences.history import STATIC_WORLD, TrackHistory, vote_table
 from mssegment.sequences.reappearance import Sight, reappeared, sight
 
@@ -32,6 +33,10 @@ Votes = Mapping[int, float]
 
 LEAST_VOTES = 3.0
 """Tracks that a motion must share with an object: as many as determine an affine motion."""
+DRAGGED = 15.0
+"""Pixels; the side of the window of the tracker (``imaging.matching.klt``)."""
+NO_OBJECT = -1
+"""The identity of what is no object."""
 LEAST_SHARE = 0.5
 """Least share of common tracks among those of the object that go on and those of the motion that
 are not new: the geometric mean of both shares. Half of the tracks are then the same."""
@@ -72,7 +77,8 @@ class WindowIdentities(Record, frozen=True):
     Attributes
     ----------
     motions : tuple of int
-        The identity of each motion, label 1 first; ``STATIC_WORLD`` for that of the camera.
+        The identity of each motion, label 1 first; ``STATIC_WORLD`` for that of the camera,
+        ``NO_OBJECT`` for what is none.
     tracks : ndarray [P] of int64
         The identity of each track; -1 for none.
     resting : tuple of int
@@ -105,6 +111,10 @@ class IdentityTracker(State):
         The last sight of each object that is not in the last window, and of those that are.
     first_frames : dict
         The first frame of the first window of each of them.
+    sizes : dict
+        How many tracks of each object a frame showed when it was last seen to move.
+    wholes : dict
+        The box of each object.
     """
 
     size: tuple[int, int]
@@ -113,20 +123,27 @@ class IdentityTracker(State):
     lost: dict[int, Sight] = field(default_factory=dict)
     last_sights: dict[int, Sight] = field(default_factory=dict)
     first_frames: dict[int, int] = field(default_factory=dict)
+    sizes: dict[int, float] = field(default_factory=dict)
+    wholes: dict[int, Whole] = field(default_factory=dict)
 
     def add(self, window: WindowLabels) -> WindowIdentities:
         """The identities of the next window."""
         own = [np.flatnonzero(window.labels == j + 1) for j in range(window.motions)]
         votes = [self.history.votes(window.tracks[rows]) for rows in own]
         camera = self._camera(window, votes)
-        moving = [j for j in range(window.motions) if j != camera]
-        identity = dict.fromkeys(moving, 0) | ({camera: STATIC_WORLD} if camera is not None else {})
+        dragged = self._dragged(window, own, votes)
+        moving = [j for j in range(window.motions) if j != camera and j not in dragged]
+        identity = dict.fromkeys(moving, 0) | dict.fromkeys(dragged, NO_OBJECT)
+        if camera is not None:
+            identity[camera] = STATIC_WORLD
         usual = self.history.usual(window.tracks)
         continued = self._continued([votes[j] for j in moving], usual)
         identity |= {moving[row]: known for row, known in continued.items()}
         new = [j for j in moving if not identity[j]]
         first = {j: sight(window.points[own[j]], window.start, first=True) for j in new}
-        identity |= self._again(first, set(identity.values()))
+        identity |= self._parts(first)
+        hidden = {j: one for j, one in first.items() if not identity[j]}
+        identity |= self._again(hidden, set(identity.values()))
         origins = {}
         for j in new:
             if not identity[j]:
@@ -156,6 +173,24 @@ class IdentityTracker(State):
             return int(np.argmax(share))
         return None if window.camera_motion is None else window.camera_motion - 1
 
+    def _dragged(
+        self, window: WindowLabels, own: list[Integers], votes: Sequence[Votes]
+    ) -> set[int]:
+        """The motions that are no objects: tracks of the static world, dragged along a little.
+
+        A tracker compares windows of the picture; what passes takes along the tracks whose window
+        it covers, at most as far as that is wide.
+        """
+        if not (window.labels == BACKGROUND).any():
+            return set()
+        found = set()
+        for j, rows in enumerate(own):
+            moved = _net_displacement(window.points[rows])
+            was_static = 2 * votes[j].get(STATIC_WORLD, 0.0) > len(rows)
+            if was_static and moved < DRAGGED:
+                found.add(j)
+        return found
+
     def _continued(self, votes: Sequence[Votes], usual: Integers) -> dict[int, int]:
         """The known objects that motions continue: by row of ``votes``."""
         known = np.array(
@@ -170,6 +205,25 @@ class IdentityTracker(State):
         allowed = (table >= LEAST_VOTES) & (share >= LEAST_SHARE)
         rows, columns = linear_sum_assignment(-np.where(allowed, table, 0.0))
         return {int(i): int(known[k]) for i, k in zip(rows, columns, strict=True) if allowed[i, k]}
+
+    def _parts(self, first: Mapping[int, Sight | None]) -> dict[int, int]:
+        """The motions that appear inside an object, where that should be, and move like it."""
+        found = {}
+        for j, one in first.items():
+            own = [
+                identity
+                for identity, whole in sorted(self.wholes.items())
+                if one is not None
+                and abs(one.frame - whole.frame) <= self.seen_for(identity, whole.frame)
+                and whole.holds(one)
+            ]
+            if own:
+                found[j] = own[0]
+        return found
+
+    def seen_for(self, identity: int, frame: int) -> int:
+        """For how many frames an object has been seen."""
+        return frame - self.first_frames.get(identity, frame)
 
     def _again(self, first: dict[int, Sight | None], present: set[int]) -> dict[int, int]:
         """The hidden objects that appear again, by motion."""
@@ -208,7 +262,9 @@ class IdentityTracker(State):
         for known in np.unique(usual[usual > STATIC_WORLD]).tolist():
             of_object = usual == known
             still = of_object & still_or_none
-            if known not in present and still.sum() >= max(LEAST_VOTES, of_object.sum() / 2):
+            # what is left of an object that has gone is no object
+            least = max(LEAST_VOTES, of_object.sum() / 2, self.sizes.get(known, 0.0) / 2)
+            if known not in present and still.sum() >= least:
                 tracks[still] = known
                 resting.append(known)
         return tracks, tuple(resting)
@@ -222,7 +278,10 @@ class IdentityTracker(State):
         merged: Mapping[int, int],
     ) -> None:
         """Update the last sights. An object that was merged is not hidden: its tracks go on."""
-        seen = {identity[j]: rows for j, rows in enumerate(own) if identity[j] != STATIC_WORLD}
+        seen: dict[int, Integers] = {}
+        for j, rows in enumerate(own):
+            if identity[j] > STATIC_WORLD:  # an object may be seen in several parts
+                seen[identity[j]] = np.append(seen.get(identity[j], rows[:0]), rows)
         self.lost |= {k: v for k, v in self.last_sights.items() if k not in seen}
         self.lost = {k: v for k, v in self.lost.items() if window.start - v.frame <= v.seen}
         for known in (*seen, *resting, *merged):
@@ -233,9 +292,27 @@ class IdentityTracker(State):
             if last is not None:
                 first = self.first_frames.setdefault(known, window.start)
                 kept[known] = replace(last, seen=last.frame - first)
+                shown = np.isfinite(window.points[rows, :, 0]).sum(axis=0)
+                size = float(np.median(shown[shown > 0]))
+                # what is half hidden has not become smaller
+                self.sizes[known] = max(size, self.sizes.get(known, 0.0) / 2)
+                box = Whole.of(window.points[rows], window.start, last)
+                before = self.wholes.get(known)
+                self.wholes[known] = box if before is None else before.updated(box)
         self.last_sights = kept
         known_still = {**kept, **self.lost}
         self.first_frames = {k: v for k, v in self.first_frames.items() if k in known_still}
+        self.sizes = {k: v for k, v in self.sizes.items() if k in known_still}
+        self.wholes = {k: v for k, v in self.wholes.items() if k in known_still}
+
+
+def _net_displacement(points: Floats) -> float:
+    """The median distance of the last position of tracks [n, L, 2] from the first, in pixels."""
+    visible = np.asarray(np.isfinite(points).all(axis=2))
+    rows = np.arange(len(points))
+    first = visible.argmax(axis=1)
+    last = points.shape[1] - 1 - visible[:, ::-1].argmax(axis=1)
+    return float(np.median(np.linalg.norm(points[rows, last] - points[rows, first], axis=1)))
 
 
 def _parent(votes: Votes) -> int | None:

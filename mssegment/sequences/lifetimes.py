@@ -25,8 +25,10 @@ OVERLAP_ENDINGS = math.log(2)
 """The same over the overlap of two windows: half of the tracks."""
 SHORTEST_WINDOW = 12
 """Frames; below, a displacement of a pixel a frame hardly exceeds that of a static track."""
-LONGEST_WINDOW = 100
+ONE_WINDOW = 100
 """Frames; a sequence of at most as many is one window."""
+LONGEST_WINDOW = 50
+"""Frames of a window of longer sequences: objects stop, turn and meet within it."""
 LEAST_MOVED = 10
 """Tracks that have moved, from which on their rate of endings is estimated."""
 MOVED = 2.0
@@ -49,7 +51,7 @@ class WindowLimits(Record, frozen=True):
 
     def is_one_window(self, frames: int) -> bool:
         """Whether a sequence of so many frames is a single window."""
-        return frames <= (LONGEST_WINDOW if self.length == "auto" else self.length)
+        return frames <= (ONE_WINDOW if self.length == "auto" else self.length)
 
     def is_full(self, rates: Floats) -> bool:
         """Whether the frames of a window suffice.

@@ -2,13 +2,15 @@
 
 The parts of a large object are tracked one after the other while it enters the picture, so that
 their tracks have few frames in common, and parts at different distances from the camera move
-differently. Two groups are parts of one object if nothing static is seen between them, and they
-move alike where they meet.
+differently. Two groups are parts of one object if they move alike where they meet, and what is seen
+between them, if anything, is a screen before them.
 """
 
 from __future__ import annotations
 
 import numpy as np
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import connected_components
 
 from mssegment.models import Flags
 from mssegment.neighbours import nearest
@@ -18,6 +20,12 @@ LARGEST_RELIEF = 1 / 3
 """Largest difference of the velocities of neighbours in an object, relative to their speed. The
 image of a point moves the faster the nearer it is, so this is the depth of an object relative to
 its distance."""
+NEIGHBOURS = 6
+"""Nearest neighbours of a track, as many as points of a plane have on average."""
+MOMENTS_OF_NEIGHBOURS = 16
+"""Moments at which neighbours are looked for."""
+LEAST_OBJECT = 6
+"""Tracks of an object, at least: twice as many as determine an affine motion."""
 COMPARED_FRAMES = 8
 """Moments at which two groups are compared."""
 LONGEST_STEP = 8
@@ -62,6 +70,48 @@ def join_parts(points: Floats, labels: Integers) -> Integers:
                 parent[root(second)] = root(first)
     joined = np.array([root(label) for label in range(count + 1)])
     return by_size(np.where(labels > 0, joined[np.maximum(labels, 0)], labels))
+
+
+def split_apart(points: Floats, labels: Integers) -> Integers:
+    """Split groups into those that lie apart, with other tracks between them.
+
+    Two objects may move alike, one here and one there. Two tracks of a group are connected if at
+    some moment one is among the nearest neighbours of the other, of all tracks.
+
+    Parameters
+    ----------
+    points : ndarray [P, F, 2]
+        Tracks in pixels, NaN where a point is not visible.
+    labels : ndarray [P] of int64
+        1..m for groups.
+
+    Returns
+    -------
+    ndarray [P] of int64
+        The labels 1..k, the largest group first; ``OUTLIER`` for what lies apart and is too small
+        for an object.
+    """
+    visible = np.asarray(np.isfinite(points).all(axis=2))
+    edges = [np.zeros((0, 2), dtype=np.int64)]
+    shown = visible[labels > 0].any(axis=0)
+    frames = np.flatnonzero(shown)
+    if not len(frames):
+        return labels
+    moments = min(len(frames), MOMENTS_OF_NEIGHBOURS)
+    for frame in frames[np.linspace(0, len(frames) - 1, moments).round().astype(int)]:
+        here = np.flatnonzero(visible[:, frame])
+        own = np.flatnonzero(labels[here] > 0)
+        count = min(NEIGHBOURS + 1, len(here))
+        _, near = nearest(points[here, frame], points[here[own], frame], count)
+        pairs = np.stack([np.repeat(here[own], count), here[near.ravel()]], axis=1)
+        edges.append(pairs[labels[pairs[:, 0]] == labels[pairs[:, 1]]])
+    links = np.concatenate(edges)
+    size = (len(labels), len(labels))
+    graph = coo_matrix((np.ones(len(links), dtype=np.int8), links.T), shape=size)
+    _, component = connected_components(graph, directed=False)
+    found = np.where(labels > 0, component + 1, labels)
+    small = np.bincount(np.maximum(found, 0))[np.maximum(found, 0)] < LEAST_OBJECT
+    return by_size(np.where((labels > 0) & small, OUTLIER, found))
 
 
 def coherent(points: Floats, labels: Integers) -> Integers:
@@ -137,45 +187,83 @@ def _are_parts(points: Floats, visible: Flags, labels: Integers, first: int, sec
     if not len(frames):
         return False
     chosen = frames[np.linspace(0, len(frames) - 1, COMPARED_FRAMES).round().astype(int)]
-    verdicts = []
-    for frame in np.unique(chosen).tolist():
-        here = points[both[:, frame]][:, [frame, frame + step]]
-        verdicts.append(_agree(_Moment.of(here, labels[both[:, frame]], first, second)))
-    return 2 * sum(verdicts) > len(verdicts)
+    chosen = np.unique(chosen).tolist()
+    moments = [_Moment.of(points, both[:, f], f, step, labels, first, second) for f in chosen]
+    alike = [moment for moment in moments if moment.is_alike]
+    if 2 * len(alike) <= len(moments):
+        return False
+    apart = [moment for moment in alike if len(moment.between)]
+    return 2 * len(apart) <= len(alike) or _is_screen(apart)
 
 
 class _Moment(Record, frozen=True):
-    """Two groups at one moment: positions and displacements [n, 2], and the static positions."""
+    """Two groups at one moment.
 
-    positions: tuple[Floats, Floats]
-    moved: tuple[Floats, Floats]
-    static: Floats
+    Attributes
+    ----------
+    frame : int
+        When.
+    is_alike : bool
+        Whether they move alike where they meet.
+    speed : float
+        The speed of the slower one, in pixels a frame.
+    distance : float
+        How far they are apart where they meet, in pixels.
+    between : ndarray of int64
+        The static tracks between most of the pairs there.
+    """
+
+    frame: int
+    is_alike: bool
+    speed: float
+    distance: float
+    between: Integers
 
     @classmethod
-    def of(cls, pairs: Floats, labels: Integers, first: int, second: int) -> _Moment:
-        """From positions [n, 2, 2] in two frames and ``labels`` [n]."""
-        a, b = pairs[labels == first], pairs[labels == second]
+    def of(
+        cls,
+        points: Floats,
+        shown: Flags,
+        frame: int,
+        step: int,
+        labels: Integers,
+        first: int,
+        second: int,
+    ) -> _Moment:
+        """From the tracks that are ``shown`` [P] in the frame and ``step`` frames later."""
+        a, b = np.flatnonzero(shown & (labels == first)), np.flatnonzero(shown & (labels == second))
+        one, two = points[a, frame], points[b, frame]
+        moved1, moved2 = points[a, frame + step] - one, points[b, frame + step] - two
+        apart = np.linalg.norm(one[:, None] - two, axis=2)
+        count = max(LEAST_TRACKS, min(len(one), len(two)) // BORDER_SHARE)
+        i, j = np.unravel_index(np.argsort(apart, axis=None, kind="stable")[:count], apart.shape)
+        extent = max(float(np.linalg.norm(np.ptp(own, axis=0))) for own in (one, two))
+        speed = min(float(np.median(np.linalg.norm(own, axis=1))) for own in (moved1, moved2))
+        difference = float(np.median(np.linalg.norm(moved1[i] - moved2[j], axis=1)))
+        distance = float(np.median(apart[i, j]))
+        static = np.flatnonzero(shown & (labels == BACKGROUND))
+        way = np.linalg.norm(one[i][:, None] - points[static, frame], axis=2)
+        way += np.linalg.norm(two[j][:, None] - points[static, frame], axis=2)
+        inside = way <= DETOUR * apart[i, j][:, None]
+        separated = 2 * inside.any(axis=1).sum() > len(inside)
         return cls(
-            (a[:, 0], b[:, 0]),
-            (a[:, 1] - a[:, 0], b[:, 1] - b[:, 0]),
-            pairs[labels == BACKGROUND][:, 0],
+            frame,
+            difference <= LARGEST_RELIEF * speed and distance <= extent,
+            speed / step,
+            distance,
+            static[inside.any(axis=0)] if separated else np.zeros(0, dtype=np.int64),
         )
 
 
-def _agree(moment: _Moment) -> bool:
-    """Whether the groups move alike where they meet, with nothing static between them."""
-    (one, two), (moved1, moved2) = moment.positions, moment.moved
-    apart = np.linalg.norm(one[:, None] - two, axis=2)
-    count = max(LEAST_TRACKS, min(len(one), len(two)) // BORDER_SHARE)
-    i, j = np.unravel_index(np.argsort(apart, axis=None, kind="stable")[:count], apart.shape)
-    extent = max(float(np.linalg.norm(np.ptp(own, axis=0))) for own in (one, two))
-    speed = min(float(np.median(np.linalg.norm(own, axis=1))) for own in (moved1, moved2))
-    difference = float(np.median(np.linalg.norm(moved1[i] - moved2[j], axis=1)))
-    if difference > LARGEST_RELIEF * speed or float(np.median(apart[i, j])) > extent:
-        return False
-    if not len(moment.static):
-        return True
-    way = np.linalg.norm(one[i][:, None] - moment.static, axis=2)
-    way += np.linalg.norm(two[j][:, None] - moment.static, axis=2)
-    between = (way <= DETOUR * apart[i, j][:, None]).any(axis=1)
-    return bool(2 * between.sum() <= len(between))
+def _is_screen(moments: list[_Moment]) -> bool:
+    """Whether what is seen between two groups is before them, and they are one behind it.
+
+    The gap between two objects moves with them, so that other static tracks are seen through it;
+    a screen stays where it is.
+    """
+    first, last = moments[0], moments[-1]
+    way = first.speed * (last.frame - first.frame)
+    if way < first.distance:
+        return False  # too short to tell
+    common = len(np.intersect1d(first.between, last.between))
+    return 2 * common >= min(len(first.between), len(last.between))

@@ -18,6 +18,8 @@ LEAST_FRAMES = 2
 DEVIATIONS = 3.0
 """Largest difference of the displacements, in standard deviations of those of neighbours with one
 label."""
+SAMPLE = 40
+"""Tracks from which the noise is estimated, at least."""
 NORMAL_MAD = 1.4826
 """Standard deviation of a normal distribution over its median absolute deviation."""
 
@@ -70,7 +72,7 @@ def _neighbours(
 
 def _noise(points: Floats, visible: Flags, known: Integers, labels: Integers) -> float:
     """Standard deviation of the difference of displacements of neighbours with one label."""
-    sample = known[:: max(1, len(known) // 100)]
+    sample = known[:: max(1, len(known) // SAMPLE)]
     differences = []
     for track in sample:
         alike = known[labels[known] == labels[track]]

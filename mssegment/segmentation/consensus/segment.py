@@ -58,6 +58,7 @@ def segment_by_consensus(
     status: Integers,
     options: SegmentOptions,
     rng: np.random.Generator,
+    with_modes: bool = True,
 ) -> ClusterResult:
     """Segment tracks by consensus.
 
@@ -73,6 +74,8 @@ def segment_by_consensus(
         The settings.
     rng : numpy.random.Generator
         Source of random numbers.
+    with_modes : bool
+        Whether to look for the mode of each motion, on which its labels do not depend.
 
     Returns
     -------
@@ -96,6 +99,15 @@ def segment_by_consensus(
         motion, residuals[label - 1] = _motion(label, observed_sets, labels)
         found_too = {"log_nfa": significance.get(label), "separation": separations.get(label)}
         motions.append(replace(motion, **found_too))
+    if not with_modes:
+        return ClusterResult(
+            labels=labels,
+            modes=(),
+            motions=tuple(motions),
+            bandwidths=(),
+            residuals=residuals,
+            notes=found.notes,
+        )
     ranked = _modes(hypotheses.sets, motions, labels, options, rng)
     return ClusterResult(
         labels=labels,
