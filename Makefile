@@ -4,10 +4,11 @@ VENV ?= .venv
 BIN := $(VENV)/bin
 OUT ?= mssegment-out
 EXTRAS ?= dev
+MINUTES ?= 0.5
 # The time of the last commit: the same sources give the same bytes
 EPOCH = $(shell git log -1 --format=%ct 2>/dev/null || echo 1577836800)
 
-.PHONY: help demo test lint docs dist pictures benchmarks clean
+.PHONY: help demo test lint fuzz docs dist pictures benchmarks clean
 .DEFAULT_GOAL := help
 
 help: ## list the targets
@@ -38,6 +39,9 @@ lint: $(VENV)/.extra-$(EXTRAS) ## formatting, lint, types
 	$(BIN)/ruff format --check .
 	$(BIN)/ruff check .
 	$(BIN)/mypy
+
+fuzz: $(VENV)/.extra-$(EXTRAS) ## damage inputs of every kind for half a minute (MINUTES=0.5)
+	$(BIN)/python -m benchmarks.fuzz --minutes $(MINUTES)
 
 docs: $(VENV)/.extra-docs ## write the generated references anew, and the site into site/
 	$(BIN)/python -m docs.reference

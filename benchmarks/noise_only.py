@@ -27,7 +27,10 @@ Cell = tuple[int, str, int]
 
 def cells(frames: list[int], matches: list[int]) -> list[Cell]:
     """All cells of the table."""
-    pairs = ["auto", *(name for name, model in MODELS.items() if model.accepts(2))]
+    pairs = [
+        "auto",
+        *(name for name, model in MODELS.items() if model.of_pictures and model.accepts(2)),
+    ]
     return [
         (count, way, size)
         for size in matches
