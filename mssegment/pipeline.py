@@ -370,6 +370,10 @@ def cluster(
     moving = not document.of_pictures or not nothing_moves(document.status, names)
     if not document.sets or not moving:
         return _segmentation(document, no_motion(document.status), configuration)
+    if not (document.status == OUTLIER).any():
+        note = "no track is left to segment: all are background or not judged (status)"
+        found = replace(no_motion(document.status), notes=(note,))
+        return _segmentation(document, found, configuration)
     check_sets(document.sets)
     found = segment(
         straight(document.tracks.points, document.camera),

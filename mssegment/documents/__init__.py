@@ -8,6 +8,7 @@ import msgspec
 
 from mssegment.documents.arrays import decode_array, encode_array, readable
 from mssegment.documents.checks import check_texts
+from mssegment.documents.earlier import upgraded
 from mssegment.documents.files import STANDARD, read_bytes, write_bytes
 from mssegment.documents.schemas import (
     DOCUMENTS,
@@ -77,7 +78,12 @@ def decode(content: bytes, kind: type[AnyDocument], name: str = "document") -> A
     """
     try:
         head = msgspec.json.decode(content, type=_Head)
-        _check_kind(head.schema, kind, name)
+        earlier = upgraded(content, head.schema)
+        if earlier is None:
+            _check_kind(head.schema, kind, name)
+        else:
+            content = earlier
+            _check_kind(f"{head.schema.rpartition('/')[0]}/2", kind, name)
         document = msgspec.json.decode(content, type=kind, dec_hook=decode_array)
         check_texts(document)
     except msgspec.ValidationError as error:
