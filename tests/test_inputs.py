@@ -2,24 +2,32 @@
 
 from __future__ import annotations
 
+import json
 import os
 import socket
 import subprocess
 import threading
 import unicodedata
+from collections.abc import Callable
 from pathlib import Path
 
+import cv2
+import numpy as np
 import pytest
 import yaml
 from hypothesis import given
 from hypothesis import strategies as st
 
+from mssegment import datasets, documents
 from mssegment.configuration import KEYS, from_text
-from mssegment.errors import ConfigurationError, DataError
+from mssegment.errors import ConfigurationError, DataError, MssegmentError
+from mssegment.imaging.frames import open_frames
 from mssegment.inputs import limits
 from mssegment.inputs.files import check_kind, read_file
 from mssegment.inputs.text import printable, printable_lines
 from mssegment.inputs.yaml_nodes import check_nodes
+from mssegment.labelling.masks import read_drawing
+from mssegment.records import Frame, Tracks
 
 
 def test_a_plain_file_is_read_whole(tmp_path: Path) -> None:
@@ -139,3 +147,61 @@ def test_long_text_keeps_its_beginning_and_its_end(text: str, longest: int) -> N
         assert end
     else:
         assert cut == text
+
+
+def _tracks_document(folder: Path) -> object:
+    points = np.zeros((2, 2, 2))
+    frames = [Frame("a longer name.png", 9, 9)] * 2
+    content = documents.encode(documents.TracksDocument(frames=frames, tracks=Tracks(points)))
+    return documents.decode(content, documents.TracksDocument)
+
+
+def _stack(folder: Path) -> object:
+    pages = [np.full((20, 20), level, np.uint8) for level in (0, 90)]
+    cv2.imwritemulti(str(folder / "s.tif"), pages)
+    return open_frames([str(folder / "s.tif")])
+
+
+def _picture(folder: Path) -> object:
+    cv2.imwrite(str(folder / "p.png"), np.zeros((20, 20), np.uint8))
+    return open_frames([str(folder / "p.png")] * 2)
+
+
+def _table(folder: Path) -> object:
+    (folder / "t.csv").write_text("track,frame,x,y\n" + "1,0,5,6\n1,1,6,7\n2,0,8,9\n2,1,9,9\n" * 1)
+    return datasets.read(folder / "t.csv")
+
+
+def _arrays(folder: Path) -> object:
+    np.savez(folder / "t.npz", tracks=np.ones((5, 2, 2)))
+    return datasets.read(folder / "t.npz")
+
+
+def _drawing(folder: Path) -> object:
+    square = [(0, 0), (5, 0), (5, 5), (0, 5)]
+    content = json.dumps({"frames": [[{"label": 1, "points": square}]]}).encode()
+    return read_drawing(content, [Frame("a.png", 9, 9)])
+
+
+@pytest.mark.parametrize(
+    ("name", "low", "read"),
+    [
+        ("file_bytes", 3, _picture),
+        ("picture_pixels", 399, _picture),
+        ("stack_pixels", 799, _stack),
+        ("text_bytes", 20, _table),
+        ("positions", 3, _table),
+        ("unpacked_bytes", 159, _arrays),
+        ("text_length", 10, _tracks_document),
+        ("yaml_values", 2, lambda folder: from_text(["report.labels=[a, b]"])),
+        ("polygon_vertices", 3, _drawing),
+    ],
+)
+def test_every_limit_bounds_something(
+    name: str, low: int, read: Callable[[Path], object], tmp_path: Path
+) -> None:
+    read(tmp_path)
+    with limits.using({name: low}), pytest.raises(MssegmentError) as caught:
+        read(tmp_path)
+    assert f"(limits.{name})" in str(caught.value)
+    assert limits.variable_of(name) in str(caught.value)

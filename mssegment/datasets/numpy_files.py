@@ -64,7 +64,7 @@ def _check_archive(file: InputFile) -> None:
     """Raises DataError for an archive that numpy did not write."""
     try:
         names = zipfile.ZipFile(io.BytesIO(file.content)).namelist()
-    except zipfile.BadZipFile:
+    except _DAMAGED:
         raise DataError(f"{file.name}: a damaged archive; save it again") from None
     if not all(name.endswith(".npy") for name in names):
         kind = "an archive"

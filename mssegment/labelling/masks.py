@@ -13,6 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from mssegment.errors import DataError
+from mssegment.inputs import limits
 from mssegment.records import Frame
 
 IGNORE = 255
@@ -38,8 +39,10 @@ def read_drawing(content: bytes, frames: Sequence[Frame]) -> Drawing:
     """Parse and check the JSON of a drawing; raises DataError if it does not fit the frames."""
     try:
         drawing = msgspec.json.decode(content, type=Drawing)
-    except msgspec.DecodeError as error:
+    except (msgspec.DecodeError, RecursionError) as error:
         raise DataError(f"not a list of polygons per frame: {error}") from None
+    vertices = sum(len(polygon.points) for own in drawing.frames for polygon in own)
+    limits.check("polygon_vertices", vertices, "polygons")
     if len(drawing.frames) != len(frames):
         raise DataError(f"polygons of {len(drawing.frames)} frames, expected {len(frames)}")
     for i, (frame, polygons) in enumerate(zip(frames, drawing.frames, strict=True)):
