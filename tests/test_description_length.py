@@ -15,6 +15,8 @@ from mssegment.datasets import read
 from mssegment.errors import DataError
 from mssegment.evaluation import misclassification
 from mssegment.records import ClusterResult, Floats, Integers, replace
+from mssegment.sampling.observed import ObservedSet
+from mssegment.segmentation.mdl.candidates import Family, covering
 from mssegment.segmentation.mdl.labelling import Neighbourhood, frequency_labels, neighbour_labels
 from mssegment.segmentation.mdl.likelihood import Noise, uniform_cost
 from tests.stages import cluster, hypothesize
@@ -93,10 +95,25 @@ def test_a_given_number_of_motions_is_found(wanted: int) -> None:
     assert len(segment(points, motions=wanted).motions) == wanted
 
 
-def test_a_motion_that_saves_nothing_is_found_if_requested() -> None:
+def test_a_body_of_seven_matches_is_found_and_of_five_is_said_to_be_missing() -> None:
+    points, labels = two_objects(2, sizes=(60, 7))
+    np.testing.assert_array_equal(segment(points).labels, labels)
     points, _ = two_objects(2, sizes=(60, 5))
-    assert len(segment(points).motions) == 1
-    assert len(segment(points, min_motions=2).motions) == 2
+    found = segment(points, min_motions=2)
+    assert len(found.motions) == 1
+    assert "2 motions requested, 1 found" in found.notes
+
+
+def test_tracks_that_the_modes_leave_have_candidates() -> None:
+    points, labels = two_objects(0, sizes=(60, 12))
+    (hypotheses,) = hypothesize(points, model="affine", count=300, rng=np.random.default_rng(5))
+    noise = replace(NOISE, parallax=np.zeros(len(points)))
+    family = Family(0, ObservedSet.of(points, hypotheses), noise)
+    small = labels == 2
+    (best, *_) = covering(family, small)
+    residuals = family.residuals(hypotheses.points[[best]])[0]
+    assert np.median(residuals[small]) < 2.0
+    assert covering(family, np.zeros(len(points), dtype=bool)) == []
 
 
 def test_missing_motions_are_not_invented() -> None:

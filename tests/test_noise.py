@@ -90,3 +90,14 @@ def test_a_picture_that_stands_still_says_from_which_motion_on() -> None:
     assert "less than 2 px (background.min_displacement)" in note
     found = find_background(points, frame_size=(640, 480), min_displacement=0.5)
     assert (found.status == 0).sum() == 60
+
+
+def test_a_scene_that_moves_by_little_more_than_the_noise_is_no_background() -> None:
+    rng = np.random.default_rng(3)
+    first = rng.uniform([0, 0], [640, 480], (300, 2))
+    # parallax of up to 30 px along the lines, of any depth
+    shift = np.outer(rng.uniform(0, 30, 300), [0.96, 0.28])
+    points = np.stack([first, first + shift], axis=1) + rng.normal(0, 0.6, (300, 2, 2))
+    found = find_background(points, frame_size=(640, 480))
+    assert not found.found
+    assert "the camera moves" in found.notes[0]

@@ -10,8 +10,10 @@ from mssegment.geometry.epipolar import sampson
 from mssegment.geometry.epipolar_fit import compatible_plane, fit_epipolar, mapped_points
 from mssegment.geometry.projective import homogeneous
 from mssegment.geometry.rotations import rotation
+from mssegment.preprocessing.noise import measured_noise
 from mssegment.records import Floats
 from mssegment.segmentation.rigid_join import rigid_bodies
+from mssegment.segmentation.rigid_join.residuals import noise_of_groups
 
 FOCAL, CENTRE = 700.0, np.array([320.0, 240.0])
 NOISE = 0.3
@@ -134,3 +136,18 @@ def test_the_motions_that_were_joined_are_documented() -> None:
     )
     assert len(apart.motions) == 3
     assert not any(motion.parts for motion in apart.motions)
+
+
+@pytest.mark.parametrize("noise", [0.4, 1.0])
+def test_the_noise_is_what_epipolar_geometry_leaves(noise: float) -> None:
+    rng = np.random.default_rng(1)
+    pixels = rng.uniform([0, 0], [640, 480], (150, 2))
+    cloud = homogeneous((pixels - CENTRE) / FOCAL) * rng.uniform(6, 20, (150, 1))
+    after = cloud @ rotation(np.array([0.01, -0.02, 0.015])).T + [0.6, 0.2, 0.15]
+    views = [FOCAL * p[:, :2] / p[:, 2:] + CENTRE for p in (cloud, after)]
+    points = np.stack(views, axis=1) + rng.normal(0, noise / np.sqrt(2), (150, 2, 2))
+    everything = [np.ones(150, dtype=bool)]
+    among_neighbours = measured_noise(points)
+    assert among_neighbours > 2 * noise
+    assert 0.8 * noise < noise_of_groups(points, everything, among_neighbours) < 1.25 * noise
+    assert noise_of_groups(points, everything, 0.3 * noise) == 0.3 * noise

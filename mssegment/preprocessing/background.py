@@ -32,6 +32,9 @@ STILL = 5.0
 and some of heavy tails, which their neighbours tell (``_drifting``)."""
 SPREAD_ROUNDS = 3
 """Rounds in which the static tracks and their standard deviation are estimated."""
+CONCENTRATED = 0.3
+"""Largest median distance of static tracks, over a limit that grew with the noise: 0.24 for normal
+noise, 0.5 where displacements are spread evenly along a line, 0.7 over an area."""
 STATIC_DISTANCE = 1.5
 """A track is static if its distance from its start, without the shake, is below this, in pixels."""
 MIN_STATIC_SHARE = 0.15
@@ -182,7 +185,8 @@ class _Limits(Record, frozen=True):
         """The limits for matches [P, 2, 2], given their distances [P, 2] from the background.
 
         They grow with the noise: the smaller of that which was measured, in which mismatches and
-        borders may be, and the spread of the static tracks, in which slow motions may be.
+        borders may be, and the spread of the static tracks, in which slow motions may be. But the
+        tracks within them must be concentrated as noise is, and not belong to something that moves.
         """
         noise = measured_noise(points[np.isfinite(points).all(axis=(1, 2))])
         static, displacement = STATIC_DISTANCE, MIN_DISPLACEMENT
@@ -191,6 +195,9 @@ class _Limits(Record, frozen=True):
             spread = median(near) / MEDIAN_OF_RAYLEIGH if len(near) else 0.0
             limit = STILL * min(noise, spread)
             static, displacement = max(STATIC_DISTANCE, limit), max(MIN_DISPLACEMENT, limit)
+        near = distance[:, 1][distance[:, 1] < displacement]
+        if displacement > MIN_DISPLACEMENT and median(near) > CONCENTRATED * displacement:
+            return cls()
         return cls(static, displacement)
 
 

@@ -85,10 +85,15 @@ def reference_noise(points: Floats) -> float:
 
     With too few matches to measure it, that of the best matchers.
     """
-    extent = float(np.hypot(*np.ptp(points.reshape(-1, 2), axis=0))) if len(points) else 1.0
-    least = min(LEAST_NOISE, LEAST_OF_EXTENT * extent)
+    least = least_noise(points)
     measured = measured_noise(points) * (1 + RELATIVE_ERROR / np.sqrt(max(len(points), 1)))
     return max(measured, least) if np.isfinite(measured) else least
+
+
+def least_noise(points: Floats) -> float:
+    """The noise in pixels that no matcher goes below, for matches [P, 2, 2]."""
+    extent = float(np.hypot(*np.ptp(points.reshape(-1, 2), axis=0))) if len(points) else 1.0
+    return min(LEAST_NOISE, LEAST_OF_EXTENT * extent)
 
 
 def local_scales(points: Floats, near: Integers) -> Floats:

@@ -11,6 +11,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from mssegment.models import Flags
 from mssegment.records import Floats, Integers, Record, replace
 from mssegment.sampling.observed import ObservedSet
 from mssegment.segmentation.mdl.displacement import displacement_gains
@@ -20,6 +21,10 @@ MAX_RESIDUAL = 1e6
 """Residuals in pixels are at most this; infinite ones are replaced by it."""
 GROWTH_STAGES = 5
 """Number of fits of a mode, each to the tracks that the previous one explains."""
+COVERING = 16
+"""Most hypotheses that are candidates although they are no modes; twice the motions of a scene."""
+BLOCK = 512
+"""Hypotheses whose residuals are computed at a time."""
 SAME_INLIERS_SHARE = 0.05
 """Two sets of inliers count as one if they differ by at most this share."""
 
@@ -183,6 +188,30 @@ def from_modes(family: Family, points: Floats, modes: Integers) -> list[Candidat
         inliers = family.explained(residuals, np.full(len(points), scale))
         candidates += family.grown(inliers, modes, fitted)
     return candidates
+
+
+def covering(family: Family, tracks: Flags) -> list[int]:
+    """Indices of hypotheses that explain as many of ``tracks`` [P] as possible together.
+
+    The best one first; each saves what it saves, at the smallest scale, on tracks that none before
+    explains.
+    """
+    points = family.observed_set.hypotheses.points
+    residuals = np.concatenate(
+        [family.residuals(points[k : k + BLOCK])[:, tracks] for k in range(0, len(points), BLOCK)]
+    )
+    scales = np.repeat(family.noise.initial_scales()[:1], len(points))
+    gains = np.maximum(family.noise.gains(residuals, scales), 0.0)
+    remaining = np.ones(gains.shape[1])
+    found: list[int] = []
+    for _ in range(min(COVERING, len(points))):
+        saved = gains @ remaining
+        k = int(saved.argmax())
+        if saved[k] <= 0:
+            break
+        found.append(k)
+        remaining[gains[k] > 0] = 0.0
+    return found
 
 
 class FittedSets:

@@ -1,6 +1,7 @@
 """Motions that one epipolar geometry holds together are one rigid body.
 
 - ``epipoles``: how likely the parallax of several groups is, over all directions of the epipole;
+- ``residuals``: the noise about the epipolar geometries of the groups;
 - ``bodies``: which groups one epipole explains better than epipoles of their own.
 """
 

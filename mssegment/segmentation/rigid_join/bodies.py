@@ -23,6 +23,7 @@ from mssegment.geometry.epipolar_fit import (
 from mssegment.models import Flags
 from mssegment.records import Floats, Record
 from mssegment.segmentation.rigid_join.epipoles import EpipoleTable, Parallax
+from mssegment.segmentation.rigid_join.residuals import noise_of_groups
 from mssegment.segmentation.selection import Body
 from mssegment.special import quantile
 
@@ -74,7 +75,8 @@ def rigid_bodies(points: Floats, members: Sequence[Flags], noise: float) -> tupl
     members : sequence of ndarray [P] of bool
         The matches of each group. Groups of fewer than ``MIN_MATCHES`` are not joined.
     noise : float
-        Noise of the matches in pixels (``preprocessing.noise``).
+        Noise of the matches in pixels (``preprocessing.noise``); less where the epipolar geometries
+        of the groups leave less.
 
     Returns
     -------
@@ -85,6 +87,7 @@ def rigid_bodies(points: Floats, members: Sequence[Flags], noise: float) -> tupl
     single = tuple(Body((k,)) for k in range(len(members)) if k not in names)
     if not names:
         return single
+    noise = noise_of_groups(points, [members[k] for k in names], noise)
     left, scale = _groups(points, {k: members[k] for k in names}, noise)
     bodies = []
     while left:
