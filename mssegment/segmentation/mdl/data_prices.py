@@ -13,6 +13,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from mssegment.models import Flags
 from mssegment.records import Floats, Normalization, replace
 from mssegment.sampling.null_model import RESOLUTION, NullModel
 from mssegment.sampling.observed import ObservedSet
@@ -24,6 +25,8 @@ from mssegment.special import median
 
 MAX_POINTS = 4000
 """Points on which structures are selected; of more, a random sample."""
+NOISE_ROUNDS = 10
+"""Rounds of expectation and maximization of the noise of a mode."""
 SCALE_RATIO = 2.0
 """The noise of a structure is at most this many times smaller or larger than that of the modes."""
 
@@ -136,9 +139,30 @@ def measured_noise(observed_set: ObservedSet, null: NullModel, points: Floats) -
     one = Normalization(np.zeros(observed.shape[1:]), 1.0)
     residuals = model.residuals(points, observed, one)
     inliers, log_nfa = null.inliers(points, residuals)
-    square = (inliers * residuals**2).sum(axis=1) / np.maximum(inliers.sum(axis=1), 1)
-    scales = np.sqrt(square / model.residual_dimension)
+    scales = _noise_scales(null, points, residuals, inliers)
     weights = np.maximum(-log_nfa, 1e-9)
     order = np.argsort(scales)
     total = np.cumsum(weights[order])
     return float(scales[order][np.searchsorted(total, 0.5 * total[-1])])
+
+
+def _noise_scales(null: NullModel, points: Floats, residuals: Floats, inliers: Flags) -> Floats:
+    """Standard deviation [B] of normal noise in a uniform background, the null near a structure.
+
+    By expectation and maximization from the ``inliers`` [B, P], which end before the noise does.
+    """
+    c = null.model.residual_dimension
+    density = np.exp(null.log_density(points))[:, None]
+    square = residuals**2
+    share = inliers.mean(axis=1, keepdims=True)
+    total = np.maximum(inliers.sum(axis=1, keepdims=True), 1)
+    variance = (inliers * square).sum(axis=1, keepdims=True) / (c * total)
+    largest = null.radii(points)[:, None] ** 2
+    for _ in range(NOISE_ROUNDS):
+        variance = np.clip(variance, RESOLUTION**2, largest)
+        normal = np.exp(-0.5 * square / variance) / (2.0 * math.pi * variance) ** (0.5 * c)
+        of_structure = share * normal / (share * normal + (1.0 - share) * density)
+        total = np.maximum(of_structure.sum(axis=1, keepdims=True), 1e-9)
+        share = np.minimum(total / residuals.shape[1], 1.0 - 1.0 / residuals.shape[1])
+        variance = (of_structure * square).sum(axis=1, keepdims=True) / (c * total)
+    return np.asarray(np.sqrt(np.clip(variance, RESOLUTION**2, largest))[:, 0])

@@ -11,7 +11,7 @@ saves enough as long as it is in the set.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from itertools import combinations_with_replacement
+from itertools import combinations, combinations_with_replacement
 
 import numpy as np
 
@@ -123,6 +123,24 @@ def neighbouring_sets(
         rest = current.without(j)
         sets.append(rest)
         sets += [concatenate([rest, pool.take([k])]) for k in proposals(rest, pool, 1)]
+    return sets + (merged_sets(current, labels, description) if description.shared_points else [])
+
+
+def merged_sets(
+    current: Candidates, labels: Integers, description: Description
+) -> list[Candidates]:
+    """All sets with two motions of a family replaced by one, fitted to the tracks of both.
+
+    The tail of a structure may be another one beside it, and neither grows into the other.
+    """
+    sets = []
+    for i, j in combinations(range(len(current)), 2):
+        index = int(current.set_indices[i])
+        if current.set_indices[j] == index:
+            both = np.isin(labels, (i + 1, j + 1)).astype(np.float64)[None]
+            rest = current.without(i, j)
+            fitted = description.families[index].fitted(both, current.modes[[i]])
+            sets += [concatenate([rest, one]) for one in fitted]
     return sets
 
 
