@@ -20,6 +20,30 @@ ROOT = Path(__file__).parents[1]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
 
 
+THEIR_PROJECT = """
+[build-system]
+requires = ["hatchling"]
+build-backend = "hatchling.build"
+
+[project]
+name = "their-package"
+version = "1.0"
+
+[tool.hatch.build.targets.wheel]
+only-include = ["their_package.py"]
+
+[project.entry-points."mssegment.manifolds"]
+hyperbolic = "their_package:Hyperbolic"
+
+[project.entry-points."mssegment.models"]
+displacement = "their_package:Displacement"
+
+[project.entry-points."mssegment.matchers"]
+nearest = "their_package:NEAREST"
+"""
+"""A package with the examples of docs/extending.md."""
+
+
 def tracked() -> list[str]:
     """The files of the repository; skips where this is no clone."""
     if not (ROOT / ".git").exists():
@@ -97,6 +121,37 @@ def test_the_installed_wheel_segments_the_sample(distributions: list[Path], tmp_
     )
     assert '"motions":3' in run.stdout.replace(" ", "")
     assert (tmp_path / "out" / "report.html").stat().st_size > 10_000
+
+
+def test_a_wheel_of_another_package_adds_its_own(distributions: list[Path], tmp_path: Path) -> None:
+    """Built and installed beside the wheel of this one, without any change of it."""
+    source, target = tmp_path / "source", tmp_path / "site"
+    source.mkdir()
+    page = (ROOT / "docs" / "extending.md").read_text(encoding="utf-8")
+    blocks = re.findall(r"```python\n(.*?)```", page, re.S)
+    code = [block for block in blocks if "class " in block or "def match" in block]
+    (source / "their_package.py").write_text("\n\n".join(code), encoding="utf-8")
+    (source / "pyproject.toml").write_text(THEIR_PROJECT, encoding="utf-8")
+    command = [sys.executable, "-m", "build", "--wheel", "--no-isolation", "--outdir", "dist"]
+    subprocess.run(command, cwd=source, check=True, capture_output=True)
+    wheels = [only(distributions[0], "*.whl"), only(source / "dist", "*.whl")]
+    pip = [sys.executable, "-m", "pip", "install", "--quiet", "--no-deps", "--no-index"]
+    subprocess.run([*pip, "--target", str(target), *map(str, wheels)], check=True)
+    code = [
+        "from mssegment.manifolds import from_name",
+        "from mssegment.models import make",
+        "from mssegment.imaging.matching import MATCHERS",
+        "print(from_name('hyperbolic(2)').dim, make('displacement').name, 'nearest' in MATCHERS)",
+    ]
+    run = subprocess.run(
+        [sys.executable, "-c", "; ".join(code)],
+        cwd=tmp_path,
+        env=os.environ | {"PYTHONPATH": str(target)},
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert run.stdout.split() == ["2", "displacement", "True"]
 
 
 def test_the_citation_is_of_this_version() -> None:

@@ -20,6 +20,10 @@ euclidean = their_package:Hyperbolic
 
 [mssegment.models]
 displacement = their_package:Displacement
+
+[mssegment.matchers]
+nearest = their_package:NEAREST
+affine = their_package:NEAREST
 """
 
 
@@ -31,7 +35,7 @@ def blocks() -> list[str]:
 def environment(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
     """An environment in which the package is installed as pip would install it."""
     folder = tmp_path_factory.mktemp("site")
-    code = [block for block in blocks() if "class " in block]
+    code = [block for block in blocks() if "class " in block or "def match" in block]
     (folder / "their_package.py").write_text("\n\n".join(code))
     info = folder / "their_package-1.0.dist-info"
     info.mkdir()
@@ -72,6 +76,20 @@ def test_names_of_other_packages_are_known_and_replace_none(environment: dict[st
         "list(MODELS)[-1])"
     )
     assert python(environment, "-c", code).split() == ["3", "Euclidean", "displacement"]
+
+
+def test_matchers_of_other_packages(environment: dict[str, str]) -> None:
+    code = (
+        "import numpy as np; from mssegment.imaging.matching import MATCHERS, match; "
+        "from mssegment.records import Corners; from mssegment.configuration import KEYS; "
+        "one = np.array([[1.0, 2.0], [50.0, 60.0]]); n = np.ones(2); "
+        "found = match([np.zeros((9, 9), np.float32)] * 2, [Corners(one, n, n), "
+        "Corners(one[::-1] + 1, n, n)], 'nearest'); "
+        "print(list(MATCHERS)[-1], MATCHERS['affine'].module, found.points[0, 1].tolist(), "
+        "'nearest' in KEYS['match.method'].choices, sep=';')"
+    )
+    own = "mssegment.imaging.matching.affine"
+    assert python(environment, "-c", code).strip() == f"nearest;{own};[2.0, 3.0];True"
 
 
 def test_all_laws_hold_for_the_manifold(environment: dict[str, str]) -> None:

@@ -1,8 +1,9 @@
 """Matchers: each makes tracks out of the corners of two or more frames.
 
 A new matcher is one module with a function ``match(pictures, corners, *, ...) -> Tracks``, whose
-keyword-only parameters are its options, and one entry in ``MATCHERS``. Importing this package
-loads neither OpenCV nor any matcher.
+keyword-only parameters are its options, a ``Matcher`` in ``known`` that describes it, and one line
+in ``MATCHERS``. Other packages register a ``Matcher`` as an entry point of the group
+``mssegment.matchers``. Importing this package loads neither OpenCV nor any matcher.
 """
 
 from __future__ import annotations
@@ -13,26 +14,22 @@ from typing import TYPE_CHECKING, Any
 from mssegment.errors import ConfigurationError, UsageError
 from mssegment.imaging.matching.base import Matcher
 from mssegment.records import Corners, Tracks
+from mssegment.registry import Registry
 
 if TYPE_CHECKING:
     from mssegment.imaging.pictures import GreyPicture
 
 __all__ = ["MATCHERS", "Matcher", "default_matcher", "match"]
 
-MATCHERS: dict[str, Matcher] = {
-    matcher.name: matcher
-    for matcher in (
-        Matcher(
-            "affine",
-            f"{__name__}.affine",
-            "oriented patches refined by affine Lucas-Kanade",
-            max_frames=2,
-            default_for=(2, 2),
-        ),
-        Matcher("patches", f"{__name__}.patches", "correlation of upright patches", max_frames=2),
-        Matcher("flow", f"{__name__}.klt", "pyramidal Lucas-Kanade", default_for=(3, None)),
-    )
-}
+MATCHERS: Registry[Matcher] = Registry(
+    "matcher",
+    {
+        "affine": f"{__name__}.known:AFFINE",
+        "patches": f"{__name__}.known:PATCHES",
+        "flow": f"{__name__}.known:FLOW",
+    },
+    "mssegment.matchers",
+)
 """The matchers by name, the value of ``match.method``."""
 
 
