@@ -14,6 +14,7 @@ LISTED = (
     "sampling/windows.py",
     "sampling/frame_pairs.py",
     "segmentation/consensus/*.py",
+    "sequences/*.py",
     "geometry/flats.py",
     "geometry/projective_flats.py",
     "geometry/robust_epipolar.py",

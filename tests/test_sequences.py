@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from mssegment.records import BACKGROUND, NOT_JUDGED, OUTLIER, Floats, Integers
+from mssegment.sequences.extent import Whole
 from mssegment.sequences.identities import IdentityTracker, WindowIdentities, WindowLabels
 from mssegment.sequences.lifetimes import (
     ONE_WINDOW,
@@ -182,6 +183,38 @@ class TestReappearance:
     def test_what_left_the_picture_does_not_come_back(self) -> None:
         leaving = Sight(100, (630.0, 200.0), (4.0, 0.0), seen=60)
         assert not reappeared([leaving], [Sight(110, (630.0, 200.0), (4.0, 0.0))], SIZE)
+
+
+class TestWhole:
+    """A body of 40 x 40 pixels that moves by 3 pixels a frame behind a screen."""
+
+    def whole(self) -> Whole:
+        seen = Sight(19, (257.0, 200.0), (3.0, 0.0), seen=20)
+        return Whole.of(block((200, 200), (3, 0)), 0, seen)
+
+    def test_the_box_is_that_of_the_tracks(self) -> None:
+        np.testing.assert_allclose(self.whole().low, (237, 180), atol=6)
+        np.testing.assert_allclose(self.whole().high, (277, 220), atol=6)
+
+    @pytest.mark.parametrize(
+        ("part", "is_inside"),
+        [
+            (Sight(39, (330.0, 205.0), (3.0, 0.0)), True),
+            (Sight(15, (255.0, 190.0), (3.1, 0.0)), True),  # both sides of the screen at once
+            (Sight(39, (330.0, 205.0), (1.0, 0.0)), False),  # slower
+            (Sight(39, (260.0, 205.0), (3.0, 0.0)), False),  # where it was, not where it is
+        ],
+    )
+    def test_a_part_is_inside_and_moves_alike(self, part: Sight, is_inside: bool) -> None:
+        assert self.whole().holds(part) is is_inside
+
+    def test_what_is_half_hidden_keeps_its_size(self) -> None:
+        later = Whole(29, (267.0, 180.0), (285.0, 220.0), (3.0, 0.0))
+        kept = self.whole().updated(later)
+        assert kept.area == pytest.approx(self.whole().area)
+        np.testing.assert_allclose(kept.low, np.array(self.whole().low) + np.array([30, 0]))
+        larger = Whole(29, (250.0, 170.0), (310.0, 230.0), (3.0, 0.0))
+        assert self.whole().updated(larger) == larger
 
 
 def block(centre: tuple[float, float], velocity: tuple[float, float], frames: int = 20) -> Floats:
