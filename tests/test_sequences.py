@@ -136,6 +136,11 @@ class TestIdentities:
         assert apart.motions == (1, 2)
         assert apart.origins == {2: 1}
 
+    def test_a_part_that_still_moves_like_its_object_belongs_to_it(self) -> None:
+        scene = Scene()
+        scene.add(0, {1: 1, 3: 1})  # objects of odd numbers have one velocity
+        assert scene.add(15, {1: 1, 3: 2}).motions == (1, 1)
+
     def test_a_merge_says_into_what(self) -> None:
         scene = Scene()
         scene.add(0, {1: 1, 2: 2})

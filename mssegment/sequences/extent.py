@@ -6,6 +6,8 @@ moves on as it was last seen: a part that appears inside it and moves like it be
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from mssegment.records import Floats, Record
@@ -15,6 +17,9 @@ from mssegment.sequences.reappearance import Sight
 HIDDEN_SHARE = 0.7
 """An object whose box has become smaller than this share, from one window to the next, is partly
 hidden."""
+MARGIN = 0.5
+"""How far beyond its border a part of an object may appear, in halves of the sides of its box: what
+appears first is at the border, and the velocity is not known exactly."""
 CORE = 0.1
 """Share of the tracks beyond each side of a box, so that single wrong ones do not widen it."""
 
@@ -61,12 +66,20 @@ class Whole(Record, frozen=True):
         low, high = np.array(self.low) + moved, np.array(self.high) + moved
         return Whole(now.frame, (low[0], low[1]), (high[0], high[1]), now.velocity)
 
-    def holds(self, part: Sight) -> bool:
-        """Whether a part that appears is inside, where the object should be, and moves like it."""
+    def distance(self, part: Sight) -> float:
+        """How far a part that appears is from the middle of where the object should be.
+
+        In halves of the sides of its box: 1 at its border. Infinite if it moves otherwise.
+        """
         gap = part.frame - self.frame
         velocity, own = np.array(self.velocity), np.array(part.velocity)
         speed = float(np.linalg.norm(velocity))
         if not speed or np.linalg.norm(own - velocity) > LARGEST_RELIEF * speed:
-            return False
+            return math.inf
+        low, high = np.array(self.low), np.array(self.high)
         place = np.array(part.position) - gap * velocity
-        return bool((place >= self.low).all() and (place <= self.high).all())
+        return float(np.max(np.abs(place - (low + high) / 2) / np.maximum((high - low) / 2, 1.0)))
+
+    def holds(self, part: Sight) -> bool:
+        """Whether a part that appears is inside, where the object should be, and moves like it."""
+        return self.distance(part) <= 1 + MARGIN

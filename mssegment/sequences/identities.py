@@ -27,6 +27,7 @@ from mssegment.records import (
 )
 from mssegment.sequences.extent import Whole
 from mssegment.sequences.history import STATIC_WORLD, TrackHistory, vote_table
+from mssegment.sequences.parts import move_alike
 from mssegment.sequences.reappearance import Sight, reappeared, sight
 
 Votes = Mapping[int, float]
@@ -142,6 +143,7 @@ class IdentityTracker(State):
         new = [j for j in moving if not identity[j]]
         first = {j: sight(window.points[own[j]], window.start, first=True) for j in new}
         identity |= self._parts(first)
+        identity |= self._split_off(window, own, identity, votes)
         hidden = {j: one for j, one in first.items() if not identity[j]}
         identity |= self._again(hidden, set(identity.values()))
         origins = {}
@@ -211,14 +213,32 @@ class IdentityTracker(State):
         found = {}
         for j, one in first.items():
             own = [
-                identity
-                for identity, whole in sorted(self.wholes.items())
+                (whole.distance(one), identity)
+                for identity, whole in self.wholes.items()
                 if one is not None
                 and abs(one.frame - whole.frame) <= self.seen_for(identity, whole.frame)
                 and whole.holds(one)
             ]
             if own:
-                found[j] = own[0]
+                found[j] = min(own)[1]
+        return found
+
+    def _split_off(
+        self,
+        window: WindowLabels,
+        own: list[Integers],
+        identity: Mapping[int, int],
+        votes: Sequence[Votes],
+    ) -> dict[int, int]:
+        """The motions that were part of an object, and still move like it."""
+        found = {}
+        for j in (j for j, known in identity.items() if not known):
+            parent = _parent(votes[j])
+            rest = [k for k, known in identity.items() if known == parent]
+            if parent is not None and rest:
+                others = np.concatenate([own[k] for k in rest])
+                if move_alike(window.points[own[j]], window.points[others]):
+                    found[j] = parent
         return found
 
     def seen_for(self, identity: int, frame: int) -> int:

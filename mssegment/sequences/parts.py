@@ -169,6 +169,20 @@ def _step(frames: int) -> int:
     return max(1, min(frames // 4, LONGEST_STEP))
 
 
+def move_alike(first: Floats, second: Floats) -> bool:
+    """Whether two groups of tracks [n, F, 2] and [m, F, 2] move alike while both are visible."""
+    step = _step(first.shape[1])
+    moved = [one[:, step:] - one[:, :-step] for one in (first, second)]
+    shown = [np.isfinite(one[..., 0]).sum(axis=0) >= LEAST_TRACKS for one in moved]
+    frames = np.flatnonzero(shown[0] & shown[1])
+    if not len(frames):
+        return False
+    velocity = np.stack([np.nanmedian(one[:, frames], axis=0) for one in moved])
+    speed = np.linalg.norm(velocity, axis=2).min(axis=0).sum()
+    difference = np.linalg.norm(velocity[1] - velocity[0], axis=1).sum()
+    return bool(difference <= LARGEST_RELIEF * speed)
+
+
 def by_size(labels: Integers) -> Integers:
     """The labels with the positive ones renumbered, the largest group first."""
     names, sizes = np.unique(labels[labels > 0], return_counts=True)
