@@ -2,8 +2,8 @@
 
 The parts of a large object are tracked one after the other while it enters the picture, so that
 their tracks have few frames in common, and parts at different distances from the camera move
-differently. Two groups are parts of one object if they move alike where they meet, and what is seen
-between them, if anything, is a screen before them.
+differently. Two groups are parts of one object if nothing static is seen between them, and they
+move alike where they meet.
 """
 
 from __future__ import annotations
@@ -206,32 +206,15 @@ def _are_parts(points: Floats, visible: Flags, labels: Integers, first: int, sec
     alike = [moment for moment in moments if moment.is_alike]
     if 2 * len(alike) <= len(moments):
         return False
-    apart = [moment for moment in alike if len(moment.between)]
-    return 2 * len(apart) <= len(alike) or _is_screen(apart)
+    apart = [moment for moment in alike if moment.is_separated]
+    return 2 * len(apart) <= len(alike)
 
 
 class _Moment(Record, frozen=True):
-    """Two groups at one moment.
+    """Two groups at one moment: whether they move alike, and something static is between them."""
 
-    Attributes
-    ----------
-    frame : int
-        When.
-    is_alike : bool
-        Whether they move alike where they meet.
-    speed : float
-        The speed of the slower one, in pixels a frame.
-    distance : float
-        How far they are apart where they meet, in pixels.
-    between : ndarray of int64
-        The static tracks between most of the pairs there.
-    """
-
-    frame: int
     is_alike: bool
-    speed: float
-    distance: float
-    between: Integers
+    is_separated: bool
 
     @classmethod
     def of(
@@ -259,25 +242,7 @@ class _Moment(Record, frozen=True):
         way = np.linalg.norm(one[i][:, None] - points[static, frame], axis=2)
         way += np.linalg.norm(two[j][:, None] - points[static, frame], axis=2)
         inside = way <= DETOUR * apart[i, j][:, None]
-        separated = 2 * inside.any(axis=1).sum() > len(inside)
         return cls(
-            frame,
             difference <= LARGEST_RELIEF * speed and distance <= extent,
-            speed / step,
-            distance,
-            static[inside.any(axis=0)] if separated else np.zeros(0, dtype=np.int64),
+            bool(2 * inside.any(axis=1).sum() > len(inside)),
         )
-
-
-def _is_screen(moments: list[_Moment]) -> bool:
-    """Whether what is seen between two groups is before them, and they are one behind it.
-
-    The gap between two objects moves with them, so that other static tracks are seen through it;
-    a screen stays where it is.
-    """
-    first, last = moments[0], moments[-1]
-    way = first.speed * (last.frame - first.frame)
-    if way < first.distance:
-        return False  # too short to tell
-    common = len(np.intersect1d(first.between, last.between))
-    return 2 * common >= min(len(first.between), len(last.between))
