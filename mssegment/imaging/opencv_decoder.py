@@ -41,6 +41,7 @@ def main(path: str, start: int, stop: int, step: int) -> int:
     is_jpeg = int(capture.get(cv2.CAP_PROP_FOURCC)) == _MJPEG and _are_jpeg(path, size)
     if is_jpeg:
         capture.set(cv2.CAP_PROP_FORMAT, -1)
+    rate = capture.get(cv2.CAP_PROP_FPS)
     out = sys.stdout.buffer
     index = 0
     while (stop < 0 or index < stop) and capture.grab():
@@ -54,6 +55,8 @@ def main(path: str, start: int, stop: int, step: int) -> int:
             if picture.ndim == 2:
                 picture = cv2.cvtColor(picture, cv2.COLOR_GRAY2BGR)
             seconds = capture.get(cv2.CAP_PROP_POS_MSEC) / 1000
+            if not seconds and rate > 0:  # older versions do not know it for raw packets
+                seconds = index / rate
             out.write(HEADER.pack(index, seconds, *picture.shape[:2]))
             out.write(picture[..., :3].tobytes())
             out.flush()
