@@ -126,11 +126,9 @@ def command(
             "--masks: there are no pictures of these tracks; name those that they were made from "
             "with --images"
         )
-    clip = None
-    if tracks is None:
-        from mssegment.clips.choice import clip_of
+    from mssegment.clips.choice import clip_of
 
-        clip = clip_of(configuration)
+    clip = clip_of(configuration)
     if clip is not None:
         _run_clip(clip, configuration, out, force, profile, chosen_format(form, console), console)
         return

@@ -28,10 +28,15 @@ def clip_of(configuration: Configuration) -> Clip | None:
     """The clip of a configuration, if it is to be segmented in windows.
 
     Raises DataError if the input cannot be read, ConfigurationError for a setting of the results
-    that needs all frames at once.
+    that needs all frames at once, or a window of tracks.
     """
-    read = configuration.input
-    if configuration.sequence.window == "none" or read.tracks is not None:
+    read, window = configuration.input, configuration.sequence.window
+    if read.tracks is not None and not isinstance(window, str):
+        raise ConfigurationError(
+            f"sequence.window is {window}, but tracks of another program are segmented over all "
+            "frames at once; leave it at auto"
+        )
+    if window == "none" or read.tracks is not None:
         return None
     limits = limits_of(configuration)
     longest = ONE_WINDOW if limits.length == "auto" else limits.length
