@@ -176,7 +176,7 @@ def peers(name: str, points: Floats, truth: Integers, seed: int) -> dict[str, In
     return found
 
 
-def measure(title: str, seeds: range) -> dict[str, object]:
+def measure(title: str, seeds: range, beside: bool) -> dict[str, object]:
     """One row: errors in per cent, how often the number is right, seconds of CPU."""
     name, rank, make = CASES[title]
     errors: dict[str, list[float]] = {"MultiModel": [], "oracle": []}
@@ -190,7 +190,8 @@ def measure(title: str, seeds: range) -> dict[str, object]:
         errors["MultiModel"].append(evaluate(found.labels_ + 1, truth).misclassification)
         errors["oracle"].append(oracle(name, rank, points, truth))
         worse += errors["MultiModel"][-1] > errors["oracle"][-1] + 0.01
-        for peer, labels in peers(name, points, truth, seed).items():
+        found_by = peers(name, points, truth, seed) if beside else {}
+        for peer, labels in found_by.items():
             errors.setdefault(peer, []).append(evaluate(labels, truth).misclassification)
     return {
         "case": title,
@@ -206,11 +207,12 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--seeds", default="0:20", help="first:last, last excluded")
     parser.add_argument("--rows", nargs="*", default=[], help="words of the rows; default: all")
+    parser.add_argument("--peers", action="store_true", help="also run the other programs; slow")
     parsed = parser.parse_args()
     first, last = map(int, parsed.seeds.split(":"))
     for title in CASES:
         if not parsed.rows or any(word in title for word in parsed.rows):
-            print(json.dumps(measure(title, range(first, last))), flush=True)
+            print(json.dumps(measure(title, range(first, last), parsed.peers)), flush=True)
 
 
 if __name__ == "__main__":
