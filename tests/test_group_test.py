@@ -6,11 +6,14 @@ import math
 
 import numpy as np
 import pytest
+from scipy.stats import chi2
 from scipy.stats import t as student_t
 
 from mssegment.segmentation.consensus.group_test import (
-    MAX_FALSE_ALARMS,
+    LEVEL,
     SURROGATES,
+    by_chance,
+    log_combined,
     log_false_alarms_of_group,
     log_false_alarms_of_groups,
     log_probability_below,
@@ -19,7 +22,7 @@ from mssegment.segmentation.consensus.group_test import (
 )
 from tests.moving_bodies import rigid_bodies
 
-LIMIT = math.log(MAX_FALSE_ALARMS)
+LIMIT = math.log(LEVEL)
 
 
 def walks(rng: np.random.Generator, tracks: int, frames: int) -> np.ndarray:
@@ -108,3 +111,34 @@ def test_the_tail_is_that_of_the_student_t_distribution(
     t = (value - null.mean()) / (null.std(ddof=1) * math.sqrt(1 + 1 / SURROGATES))
     expected = student_t.logcdf(t, SURROGATES - 1)
     assert log_probability_below(value, null) == pytest.approx(expected, rel=1e-6)
+
+
+def test_a_single_group_is_a_motion_at_the_level() -> None:
+    assert by_chance(np.array([math.log(8 * 1.1 * LEVEL)]), 8).all()
+    assert not by_chance(np.array([math.log(8 * 0.9 * LEVEL)]), 8).any()
+
+
+def test_where_there_is_motion_a_group_needs_less() -> None:
+    found = by_chance(np.array([-12.0, -0.5, 0.5, np.nan]), 8)
+    assert found.tolist() == [False, False, True, False]
+    assert by_chance(np.array([-0.5, 0.5, np.nan]), 8).tolist() == [True, True, False]
+    assert not by_chance(np.array([np.nan]), 8).any()
+
+
+def test_several_groups_are_evidence_together() -> None:
+    assert by_chance(np.array([-2.0]), 8).all()
+    assert not by_chance(np.array([-2.0, -2.0]), 8).any()
+
+
+def test_a_group_that_stands_still_but_drifts_a_little_is_a_motion() -> None:
+    rng = np.random.default_rng(2)
+    places = rng.uniform(0, [640, 480], (80, 1, 2))
+    drift = rng.normal(0, 0.02, (80, 1, 2)) * np.arange(12)[None, :, None]
+    points = places + drift + rng.normal(0, 0.01, (80, 12, 2))
+    assert log_false_alarms_of_group(points, 8, rng) < LIMIT
+
+
+@pytest.mark.parametrize("logs", [[-3.0], [-1.0, -0.2, -4.0], [-300.0, -2.0], [0.0, 0.0]])
+def test_probabilities_are_combined_as_by_fisher(logs: list[float]) -> None:
+    expected = chi2.logsf(-2 * sum(logs), 2 * len(logs))
+    assert log_combined(np.array(logs)) == pytest.approx(expected, abs=1e-6)

@@ -20,7 +20,7 @@ from mssegment.records import Floats
 
 ROUNDS = 8
 """Most rounds of the forms, the weights and the inverse depths."""
-SETTLED = 0.1
+SETTLED = 0.03
 """The last round is the one that moves a median track by less than this share of the noise."""
 RELAXATION = 1.5
 """Steps of the inverse depths are longer by this factor, which halves the rounds; above 2 they

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
@@ -34,10 +33,7 @@ from mssegment.segmentation.consensus.coassociation import (
     Coassociation,
     CoassociationAccumulator,
 )
-from mssegment.segmentation.consensus.group_test import (
-    MAX_FALSE_ALARMS,
-    log_false_alarms_of_groups,
-)
+from mssegment.segmentation.consensus.group_test import by_chance, log_false_alarms_of_groups
 from mssegment.segmentation.consensus.model_order import SpectralClustering
 from mssegment.segmentation.consensus.outliers import second_test
 from mssegment.segmentation.consensus.rigid_grouping import RigidGrouping
@@ -163,7 +159,7 @@ def without_walks(
     if points.shape[1] < 3:
         return found
     log_nfa = log_false_alarms_of_groups(points, found.labels, MAX_MOTIONS, rng)
-    chance = log_nfa >= math.log(MAX_FALSE_ALARMS)
+    chance = by_chance(log_nfa, MAX_MOTIONS)
     if not drop or not chance.any():
         return replace(found, log_nfa=_known(log_nfa))
     dropped = np.flatnonzero(chance) + 1

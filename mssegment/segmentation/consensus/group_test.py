@@ -3,14 +3,17 @@
 Surrogates of a group are drawn, whose tracks move as far and as smoothly as its own do, but not
 together: the path of each track is turned about its start by a random angle. Where a group stands
 still but for its noise, nothing would change; every step is turned by itself, so that the noise
-adds up to random walks. The coherence of a group is the median logarithm of the residuals of its
-tracks from the flats around them. Under the null hypothesis of independent tracks without a
-preferred direction, that of the group is one more draw of the same distribution as those of the
-surrogates, which a Student t statistic tests. Tracks near each other share flats, so that their
-residuals depend on each other; the surrogates show how much.
+adds up to random walks.
+
+The coherence of a group is the median logarithm of the residuals of its tracks from the flats
+around them. Under the null hypothesis of independent tracks without a preferred direction, that of
+the group is one more draw of the same distribution as those of the surrogates, which a Student t
+statistic tests. Tracks near each other share flats, so that their residuals depend on each other;
+the surrogates show how much.
 
 References
 ----------
+Fisher, Statistical Methods for Research Workers, 4th ed., 1932 (combined probabilities).
 Theiler, Eubank, Longtin, Galdrikian and Farmer, Testing for nonlinearity in time series: the method
 of surrogate data, Physica D 58, 1992.
 """
@@ -22,6 +25,8 @@ import math
 import numpy as np
 import numpy.typing as npt
 
+from mssegment.geometry.flats import extent
+from mssegment.models import Flags
 from mssegment.records import Floats, Integers
 from mssegment.sampling.chimeras import (
     FLAT_DIMENSION,
@@ -30,19 +35,20 @@ from mssegment.sampling.chimeras import (
     spread_of_tracks,
 )
 from mssegment.sampling.windows import MIN_WINDOW_TRACKS, window_length, window_starts
+from mssegment.segmentation.consensus.split_test import LEAST_SPREAD
 from mssegment.special import student_t_tail
 
 Array = npt.NDArray[np.complex128]
 
-MAX_FALSE_ALARMS = 0.01
-"""A group is a motion if fewer groups as coherent are expected: one in a hundred sequences of
-noise."""
+LEVEL = 0.01
+"""There is no motion at all if the groups together are as coherent in one of a hundred sequences
+of noise."""
 SURROGATES = 9
 """Groups that are drawn; the tail of the Student t distribution with eight degrees of freedom says
 what so few of them leave unknown."""
 MOST_TRACKS = 60
 """Tracks of a group that are tested, at random; the coherence of so many is well known."""
-MOVING = 3.0
+MOVING = 2.0
 """A group moves if the spread of its median track exceeds its noise by this factor: a track that
 stands still has 1.4, the noise of two coordinates."""
 TINY = 1e-12
@@ -54,7 +60,7 @@ def log_false_alarms_of_groups(
 ) -> Floats:
     """``log_false_alarms_of_group`` of each group, [m].
 
-    Incomplete tracks are tested in windows of frames, whose number counts as tests.
+    Incomplete tracks are tested in windows of frames, which are evidence together.
 
     Parameters
     ----------
@@ -80,8 +86,39 @@ def log_false_alarms_of_groups(
     )
 
 
+def by_chance(log_nfa: Floats, groups: int) -> Flags:
+    """Which groups [m] are no motions.
+
+    All are none if their probabilities together, by Fisher's method, are above ``LEVEL``. Where
+    there is motion, those are none of which one or more is expected by chance.
+
+    Parameters
+    ----------
+    log_nfa : ndarray [m]
+        As of ``log_false_alarms_of_groups``; groups with NaN are motions.
+    groups : int
+        Number of groups that were tested.
+    """
+    known = log_nfa[~np.isnan(log_nfa)] - math.log(groups)
+    noise = len(known) > 0 and log_combined(known) > math.log(LEVEL)
+    return np.asarray((log_nfa >= 0) | (noise & ~np.isnan(log_nfa)))
+
+
+def log_combined(log_probabilities: Floats) -> float:
+    """Logarithm of the probability of so small a product of probabilities [m], m at least 1.
+
+    Fisher's method: minus twice the logarithm of the product has a chi-square distribution with
+    2 m degrees of freedom.
+    """
+    half = -float(np.minimum(log_probabilities, 0.0).sum())
+    k = np.arange(len(log_probabilities))
+    logs = k * math.log(half + TINY) - np.array([math.lgamma(i + 1) for i in k.tolist()])
+    top = float(logs.max())
+    return min(top + math.log(float(np.exp(logs - top).sum())) - half, 0.0)
+
+
 def _in_windows(points: Floats, groups: int, rng: np.random.Generator) -> float:
-    """Of one group of tracks [n, F, 2]: the least of its windows; NaN without any."""
+    """Of one group of tracks [n, F, 2]: that of its windows together; NaN without any."""
     visible = np.asarray(np.isfinite(points).all(axis=2))
     complete = visible.all(axis=1)
     if 2 * complete.sum() > len(points):
@@ -92,8 +129,8 @@ def _in_windows(points: Floats, groups: int, rng: np.random.Generator) -> float:
         frames = slice(start, start + length)
         tracks = np.flatnonzero(visible[:, frames].all(axis=1))
         if len(tracks) >= MIN_WINDOW_TRACKS:
-            found.append(log_false_alarms_of_group(points[tracks, frames], groups, rng))
-    return min(found) + math.log(len(found)) if found else math.nan
+            found.append(log_false_alarms_of_group(points[tracks, frames], 1, rng))
+    return math.log(groups) + log_combined(np.array(found)) if found else math.nan
 
 
 def log_false_alarms_of_group(points: Floats, groups: int, rng: np.random.Generator) -> float:
@@ -111,16 +148,22 @@ def log_false_alarms_of_group(points: Floats, groups: int, rng: np.random.Genera
     Returns
     -------
     float
-        Nats; below the logarithm of ``MAX_FALSE_ALARMS`` the group is a motion.
+        Nats; below 0 the group is a motion, if there are motions (``by_chance``).
     """
     if len(points) <= FLAT_DIMENSION + 1:
         return math.inf
     if len(points) > MOST_TRACKS:
         points = points[np.sort(rng.choice(len(points), MOST_TRACKS, replace=False))]
-    moves = float(np.median(spread_of_tracks(points) / (noise_of_tracks(points) + TINY))) > MOVING
-    turned = turned_paths if moves else turned_steps
+    turned = turned_paths if moves(points) else turned_steps
     null = np.array([coherence(turned(points, rng), rng) for _ in range(SURROGATES)])
     return math.log(groups) + log_probability_below(coherence(points, rng), null)
+
+
+def moves(points: Floats) -> bool:
+    """Whether a group of tracks [n, F, 2] moves by more than its noise and what is resolved."""
+    # a tracker that drifts by less than what is resolved does not move
+    least = np.maximum(MOVING * noise_of_tracks(points), LEAST_SPREAD * extent(points))
+    return bool(np.median(spread_of_tracks(points) - least) > 0)
 
 
 def coherence(points: Floats, rng: np.random.Generator) -> float:
