@@ -48,6 +48,8 @@ def render_page(report: Report) -> str:
         tracks=sections.tracks_html(report),
         provenance=sections.provenance_html(report),
         version=escape(__version__),
+        noun=report.noun,
+        unit="pixels" if report.of_pictures else "the unit of the data",
         data=payload.as_script(payload.numbers(report)),
     )
     # bytes of a file name that are no text become question marks

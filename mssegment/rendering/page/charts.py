@@ -163,7 +163,7 @@ def residual_svg(report: Report, label: int) -> str:
     inliers = _smoothed(residuals[report.members(label)], edges)
     top = max(float(all_tracks.max()), 1e-9)
     limit = inlier_limit(report, label)
-    parts = [_decades()]
+    parts = [_decades(report.unit)]
     parts.append(f'<path class="all" d="{_area(all_tracks / top)}"/>')
     parts.append(f'<path class="own" d="{_area(inliers / top)}"/>')
     if limit is not None:
@@ -172,10 +172,11 @@ def residual_svg(report: Report, label: int) -> str:
         shift = -5 if side else 5
         parts.append(
             f'<path class="limit" d="M{x:.1f} 8V{RESIDUAL_HEIGHT - 22:g}"/>'
-            f'<text class="tick {side}" x="{x + shift:.1f}" y="16">{number(limit, 2)} px</text>'
+            f'<text class="tick {side}" x="{x + shift:.1f}" y="16">'
+            f"{f'{number(limit, 2)} {report.unit}'.rstrip()}</text>"
         )
     marker = report.style(label)
-    title = f"Residuals to {marker.name}; largest of an inlier: {number(limit, 2)} pixels"
+    title = f"Residuals to {marker.name}; largest of an inlier: {number(limit, 2)} {report.unit}"
     return (
         f'<figure class="{label_class(label)}"><figcaption><span class="key" aria-hidden="true">'
         f"{marker.glyph}</span> {marker.name}</figcaption>"
@@ -209,13 +210,13 @@ def _area(heights: Floats) -> str:
     return f"M{x[0]:.1f} {base:g}L{line}L{x[-1]:.1f} {base:g}Z"
 
 
-def _decades() -> str:
-    """The logarithmic axis."""
+def _decades(unit: str) -> str:
+    """The logarithmic axis, with the unit at its end."""
     base = RESIDUAL_HEIGHT - 22
     parts = [f'<path class="grid" d="M6 {base:g}H{RESIDUAL_WIDTH - 6:g}"/>']
     for decade in range(int(RESIDUAL_DECADES[0]), int(RESIDUAL_DECADES[1]) + 1):
         x = _x_of(decade)
-        name = f"{10.0**decade:g}" + (" px" if decade == 3 else "")
+        name = f"{10.0**decade:g}" + (f" {unit}" if decade == 3 and unit else "")
         side = {-2: "", 3: " end"}.get(decade, " middle")
         parts.append(f'<path class="grid" d="M{x:.1f} {base:g}v4"/>')
         parts.append(

@@ -139,6 +139,7 @@ def numbers(report: Report) -> dict[str, Any]:
             for frame in report.frames
         ],
         "tracks": len(points),
+        "unit": report.unit,
         "stepsPerPixel": steps,
         "spacing": min(1e6, typical_spacing(report)),
         "points": _base64(coded, "<i2"),

@@ -49,8 +49,9 @@ def motions_html(report: Report) -> str:
     """The table of motions: size, density and fit of each."""
     if not report.motions:
         return "<p>No motion was found.</p>"
-    header = ["motion", "model", "inliers", "hypotheses", "kernel density", "RMS residual (px)"]
-    header += ["largest residual (px)"]
+    unit = f" ({report.unit})" if report.unit else ""
+    header = [report.noun, "model", "inliers", "hypotheses", "kernel density"]
+    header += [f"RMS residual{unit}", f"largest residual{unit}"]
     saves = any(motion.cost_saved is not None for motion in report.motions)
     header += ["description length saved (nats)"] if saves else []
     tested = any(motion.log_nfa is not None for motion in report.motions)
@@ -70,8 +71,8 @@ def motions_html(report: Report) -> str:
             str(len(report.members(motion.label))),
             str(sum(mode.hypotheses for mode in modes)),
             density(modes[0].kde if modes else None),
-            fixed(motion.rms, 2),
-            fixed(float(own.max()) if len(own) else None, 2),
+            _length(report, motion.rms),
+            _length(report, float(own.max()) if len(own) else None),
         ]
         cells += [fixed(motion.cost_saved, 1)] if saves else []
         cells += [fixed(motion.log_nfa, 1)] if tested else []
@@ -81,6 +82,13 @@ def motions_html(report: Report) -> str:
             cells.append("none" if true is None else str(true))
         rows.append(_row(_motion_key(report, motion.label), cells))
     return _table("Motions", header, rows) + _joined_html(report)
+
+
+def _length(report: Report, value: float | None) -> str:
+    """A residual: pixels with two decimals, other units with three digits."""
+    if value is None or report.of_pictures:
+        return fixed(value, 2)
+    return number(value, 3)
 
 
 def _joined_html(report: Report) -> str:
@@ -254,7 +262,8 @@ def tracks_html(report: Report) -> str:
     """The first page of the table of tracks; the script shows the others."""
     wrong = misclassified(report)
     truth = report.truth
-    header = ["track", "found", "true", "residual (px)", "next best residual (px)"]
+    unit = f" ({report.unit})" if report.unit else ""
+    header = ["track", "found", "true", f"residual{unit}", f"next best residual{unit}"]
     header += ["displacement (px)"]
     rows = []
     for i in range(min(ROWS_PER_PAGE, len(report.labels))):
@@ -267,8 +276,8 @@ def tracks_html(report: Report) -> str:
             ""
             if truth is None
             else true_name(report, int(truth[i])) + (" (error)" if wrong[i] else ""),
-            fixed(own, 2),
-            fixed(other, 2),
+            _length(report, own),
+            _length(report, other),
             fixed(moved, 1),
         ]
         rows.append(_row(str(i + 1), cells))

@@ -38,8 +38,8 @@ function describe(track) {
   motions.slice(0, 8).forEach((style, row) => {
     const own = residual(row, track);
     const limit = style.limit === null ? "" : ` (max ${digits(style.limit)})`;
-    line("residual ", Number.isFinite(own) ? `${digits(own)} px${limit}` : "–");
-    list.lastChild.title = `Largest residual of an inlier: ${digits(style.limit ?? NaN)} px`;
+    line("residual ", Number.isFinite(own) ? `${digits(own)} ${data.unit}${limit}` : "–");
+    list.lastChild.title = `Largest residual of an inlier: ${digits(style.limit ?? NaN)} ${data.unit}`;
     list.lastChild.previousSibling.append(key(style), ` ${style.label}`);
   });
   const find = text("button", "Show in the table", "link");
