@@ -28,8 +28,8 @@ from benchmarks.unseen_real import (
 from benchmarks.unseen_rows import Case, Outcome, Plan, Row, judged, synthetic
 from benchmarks.unseen_scenes import Scene, Spec, generate
 from benchmarks.unseen_sequences import SMALLEST, number, picture_size, shared_out
+from mssegment import models
 from mssegment.benchmarking import run_benchmark
-from mssegment.configuration import KEYS
 
 Rng = np.random.Generator
 KINDS = ("uniform", "reach", "shuffled")
@@ -37,7 +37,7 @@ STATIC = ("teddy", "tsukuba", "facade")
 CAMERA = mssegment.Camera(800.0, 800.0, 320.0, 240.0)
 OFFSET = 20_000.0
 """Pixels: coordinates of a mosaic."""
-MODELS = [name for name in KEYS["hypothesize.model"].choices.split("|") if name != "factorization"]
+MODELS = ["auto", *(name for name in models.of_pictures() if name != "factorization")]
 """``auto`` and every model of two views; ``factorization`` refuses fewer than three frames."""
 
 
