@@ -15,9 +15,11 @@ from mssegment.clips.frames import frames_of
 from mssegment.clips.process import process
 from mssegment.clips.store import ClipStore, read_clip
 from mssegment.configuration import Configuration, from_mapping, resolve
-from mssegment.documents.clips import WindowDocument, WindowTracks
+from mssegment.documents.clips import ClipDocument, ClipObject, WindowDocument, WindowTracks
 from mssegment.errors import DataError, ExitStatus
 from mssegment.imaging.streams import Clip, in_background, long_clip
+from mssegment.rendering.clip_page import timeline
+from mssegment.rendering.clip_tables import clip_summary, objects_table
 
 FRAMES, SIZE = 72, (200, 150)
 WINDOWS = {"sequence.window": 24, "sequence.overlap": 8}
@@ -199,3 +201,27 @@ def test_errors_of_the_reader_arrive(pictures: Path, tmp_path: Path) -> None:
     assert clip is not None
     with pytest.raises(DataError, match=r"040\.png"):
         list(in_background(clip.frames()))
+
+
+def test_pieces_of_other_objects_are_not_listed() -> None:
+    whole = ClipObject(1, 0, 40, [(0, 40)], tracks=30)
+    piece = ClipObject(2, 5, 9, [(5, 9)], tracks=0, merged_into=1)
+    late = ClipObject(3, 0, 20, [(0, 20)], tracks=12, merged_into=1)
+    document = ClipDocument(
+        inputs=["clip.mp4"],
+        sha256="",
+        start=0,
+        step=1,
+        width=64,
+        height=48,
+        frames=41,
+        rate=None,
+        windows=[(0, 41)],
+        cameras=["static"],
+        tracks=42,
+        positions=900,
+        objects=[whole, piece, late],
+    )
+    assert [row[0] for row in objects_table(document, plain=True).rows] == ["1", "3"]
+    assert clip_summary(document).startswith("2 objects")
+    assert timeline(document).count("<rect") == 2

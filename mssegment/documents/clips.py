@@ -127,6 +127,11 @@ class ClipObject(Record, frozen=True):
     origin: int | None = None
     merged_into: int | None = None
 
+    @property
+    def is_part(self) -> bool:
+        """Whether all of its tracks became part of another object: then it was a piece of that."""
+        return self.merged_into is not None and self.tracks == 0
+
 
 class ClipDocument(
     msgspec.Struct, kw_only=True, frozen=True, tag_field="schema", tag="mssegment/clip/1"
@@ -176,6 +181,11 @@ class ClipDocument(
     objects: list[ClipObject]
     history: list[HistoryEntry] = []
     notes: list[str] = []
+
+    @property
+    def whole_objects(self) -> list[ClipObject]:
+        """The objects without those that turned out to be pieces of others."""
+        return [one for one in self.objects if not one.is_part]
 
 
 class WindowTracks(Record, frozen=True):

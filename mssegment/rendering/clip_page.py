@@ -71,12 +71,12 @@ def render_clip_page(
 def timeline(document: ClipDocument) -> str:
     """An SVG with a line for each object: full where it moves, thin where it stands still."""
     left, scale = 60, LINE / max(1, document.frames)
-    height = ROW * (len(document.objects) + 1)
+    height = ROW * (len(document.whole_objects) + 1)
     parts = [
         f'<svg viewBox="0 0 {left + LINE + 10} {height}" width="{left + LINE + 10}" role="img" '
         'aria-label="From which frame to which each object is seen">'
     ]
-    for row, one in enumerate(document.objects):
+    for row, one in enumerate(document.whole_objects):
         parts.append(_line(one, ROW * row, left, scale))
     for tick in range(5):
         frame = round(tick * (document.frames - 1) / 4)

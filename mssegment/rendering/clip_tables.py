@@ -23,7 +23,7 @@ def format_clip(document: ClipDocument, form: str) -> str:
 def objects_table(document: ClipDocument, *, plain: bool = False) -> Table:
     """One row per object: when it moves and stands still, its tracks, where it comes from."""
     rows = []
-    for one in document.objects:
+    for one in document.whole_objects:
         name = "camera" if one.identity == 0 else str(one.identity)
         if not plain and one.identity:
             name += f" {label_style(one.identity).glyph}"
@@ -50,7 +50,7 @@ def remarks(one: ClipObject) -> str:
 
 def clip_summary(document: ClipDocument) -> str:
     """What was found, in a sentence."""
-    moving = sum(one.identity > 0 for one in document.objects)
+    moving = sum(one.identity > 0 for one in document.whole_objects)
     windows = len(document.windows)
     return (
         f"{moving} object{'s' * (moving != 1)} in {document.frames} frames, {windows} "

@@ -139,8 +139,8 @@ def points_scene(report: Report, view: FrameView) -> Scene:
     shown = np.flatnonzero(shown_displacements(report, view.index, ignore_labels=True))
     scene.add(_paths(report, view, shown, colour, size.line))
     scene.add([Markers(points, "circle", 0.75 * size.marker, colour, 0.2 * size.marker)])
-    marker = style.LabelStyle(colour, "circle", "tracks")
-    add_legend(scene, view, [(marker, f"{len(report.labels)} tracks")])
+    marker = style.LabelStyle(colour, "circle", report.things)
+    add_legend(scene, view, [(marker, f"{len(report.labels)} {report.things}")])
     return scene
 
 
