@@ -28,6 +28,7 @@ SPLIT_TEST = "mssegment.segmentation.consensus.split_test"
 BORDER = "mssegment.segmentation.consensus.border"
 MODEL_ORDER = "mssegment.segmentation.consensus.model_order"
 PERSPECTIVE = "mssegment.geometry.projective_flats"
+GROUP_TEST = "mssegment.segmentation.consensus.group_test"
 WALK_TEST = "mssegment.segmentation.consensus.walk_test"
 CLUSTERING = "mssegment.segmentation.consensus.clustering"
 ROWS = ("hopkins-single", "noise-walks", "two-bodies", "random-10")
@@ -84,7 +85,10 @@ CONSTANTS = (
         "chosen: a linear form for each frame fits the noise of a few tracks",
     ),
     Constant(PERSPECTIVE, "SETTLED", "well below the noise: at 0 the decisions are the same"),
-    Constant(WALK_TEST, "FLAT_SPREAD", "simulated: flats through noisy tracks"),
+    Constant(WALK_TEST, "SURROGATES", "enough for a mean"),
+    Constant(GROUP_TEST, "SURROGATES", "enough for a tail of 1 in 10 000"),
+    Constant(GROUP_TEST, "MOVING", "theory: 1.4 for noise"),
+    Constant(GROUP_TEST, "LEVEL", "one in a hundred sequences of noise"),
     Constant(MODEL_ORDER, "LEAST_SEPARATION", "a debt: chosen on random scenes and Hopkins155"),
     Constant(BORDER, "BORDER_NEIGHBOURS", "chosen: the usual neighbourhood"),
     Constant(BORDER, "BORDER_FRACTION", "chosen on Hopkins155"),

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from moving_bodies import perspective_tracks, rigid_bodies
 
-from mssegment.geometry.projective_flats import without_perspective
+from mssegment.geometry.projective_flats import bent_flat, without_perspective
 
 
 def off_flat(points: np.ndarray) -> float:
@@ -52,3 +52,22 @@ def test_two_objects_stay_two() -> None:
     points, _ = rigid_bodies(np.random.default_rng(4), sizes=(70, 70), frames=10, noise=0.0)
     level = without_perspective(points, 0.1)
     assert off_flat(level) > 0.3 * off_flat(points)
+
+
+@pytest.mark.parametrize("noise", [0.1, 1.0])
+def test_residuals_of_a_bent_flat_are_those_of_the_noise(noise: float) -> None:
+    exact = perspective_tracks(np.random.default_rng(6), tracks=120, frames=12)
+    points = exact + np.random.default_rng(0).normal(0, noise, exact.shape)
+    flat = bent_flat(points[:80], 0.0)
+    others = flat.residuals(points[80:])
+    # eight rounds leave a little of a strong perspective
+    assert 0.9 * noise < np.median(others) < 1.4 * noise
+    assert 0.9 * noise < np.median(flat.own_residuals(points[:80])) < 1.4 * noise
+    # a track that does not move with the object
+    assert flat.residuals(points[80:, ::-1]).min() > 3 * noise
+
+
+def test_a_flat_without_perspective_has_no_forms() -> None:
+    points = perspective_tracks(np.random.default_rng(6), tracks=40, frames=6)
+    assert not bent_flat(points, 0.1, perspective=False).forms.any()
+    np.testing.assert_allclose(bent_flat(points, 0.1, perspective=False).level, points)

@@ -1,12 +1,12 @@
-"""The third test for outliers: random walks among the tracks of a group."""
+"""The third test for outliers: tracks that do not move with their group."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
-from moving_bodies import rigid_bodies
+from moving_bodies import perspective_tracks, rigid_bodies
 
-from mssegment.segmentation.consensus.walk_test import probability_of_null, walk_test
+from mssegment.segmentation.consensus.walk_test import Null, probability_of_null, walk_test
 
 
 def with_walks(seed: int, frames: int, walks: int) -> tuple[np.ndarray, np.ndarray]:
@@ -50,9 +50,37 @@ def test_the_unit_does_not_matter() -> None:
     assert (found[2] == found[1]).mean() > 0.98
 
 
+def test_walks_are_told_apart_under_perspective_too(rng: np.random.Generator) -> None:
+    body = perspective_tracks(np.random.default_rng(5), tracks=80, frames=12)
+    body = body + rng.normal(0, 0.3, body.shape)
+    starts = body[rng.integers(80, size=40), :1]
+    steps = rng.normal(0, 4.0, (40, 12, 2))
+    steps[:, 0] = 0
+    points = np.concatenate([body, starts + steps.cumsum(axis=1)])
+    found = walk_test(points, np.ones(120, dtype=np.int64), np.random.default_rng(0))
+    assert found[80:].mean() > 0.9
+    assert found[:80].mean() < 0.03
+
+
+def test_independent_smooth_paths_are_outliers(rng: np.random.Generator) -> None:
+    body, _ = rigid_bodies(rng, sizes=(80,), frames=10)
+    speed = rng.normal(0, 4.0, (25, 1, 2)) * np.arange(10)[None, :, None]
+    points = np.concatenate([body, body[:25, :1] + speed + rng.normal(0, 0.3, (25, 10, 2))])
+    found = walk_test(points, np.ones(105, dtype=np.int64), np.random.default_rng(0))
+    assert found[80:].mean() > 0.8
+    assert found[:80].mean() < 0.03
+
+
 def test_the_posterior_tells_two_modes_apart(rng: np.random.Generator) -> None:
-    null = np.exp(rng.normal(3.0, 0.4, 400))
-    values = np.exp(np.concatenate([rng.normal(0.0, 0.3, 80), rng.normal(3.0, 0.4, 20)]))
-    found = probability_of_null(values, null, 0.2) > 0.5
+    logs = np.concatenate([rng.normal(0.0, 0.3, 80), rng.normal(3.0, 0.4, 20)])
+    null = Null(np.full(100, 3.0), 0.4)
+    found = probability_of_null(logs, null, 0.2) > 0.5
     assert found[80:].all()
     assert not found[:80].any()
+
+
+def test_only_what_chance_does_not_explain_is_meaningful(rng: np.random.Generator) -> None:
+    null = Null(rng.normal(0, 1, 1000), 0.5)
+    passed = [null.meaningful(rng.normal(null.middle, 0.5)).sum() for _ in range(50)]
+    # one is expected
+    assert 0.5 < np.mean(passed) < 1.6

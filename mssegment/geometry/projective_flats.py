@@ -13,6 +13,8 @@ X follows from the forms, so that both are estimated in turn.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from mssegment.geometry.robust import geman_mcclure_weights
@@ -27,12 +29,91 @@ RELAXATION = 1.5
 diverge."""
 LARGEST_DEPTH = 10.0
 """Inverse depths are kept within this many standard deviations, where outliers have none."""
+FLAT_DIMENSION = 3
+"""Of the place and the inverse depth of a track, which no residual is left of."""
+MOST_LEVERAGE = 0.95
+"""A track of higher leverage says nothing about its own residual."""
 TINY = 1e-18
 """Keeps divisions regular for exact data; coordinates here are of the order of 1."""
 
 
+@dataclass(frozen=True)
+class BentFlat:
+    """The tracks of one rigid object: an affine 3-flat, bent by one linear form per frame.
+
+    Coordinates are those of the picture less ``middle``, over ``scale``.
+
+    Attributes
+    ----------
+    middle : ndarray [2]
+        Mean position, pixels.
+    scale : float
+        Root mean square coordinate about it, pixels.
+    forms : ndarray [F, 3]
+        The form of each frame, of place and inverse depth.
+    maps : ndarray [4, 2F]
+        The affine maps of (1, place, inverse depth) to the motion in each frame.
+    weights, depth : ndarray [n]
+        Of the tracks that were fitted.
+    level : ndarray [n, F, 2]
+        These tracks as an affine camera would see them, pixels.
+    """
+
+    middle: Floats
+    scale: float
+    forms: Floats
+    maps: Floats
+    weights: Floats
+    depth: Floats
+    level: Floats
+
+    def residuals(self, points: Floats) -> Floats:
+        """Root mean square residual per free coordinate of any tracks [m, F, 2], pixels [m].
+
+        The place of a track is its mean, its inverse depth the best one, which is linear in what
+        is left.
+        """
+        count, frames = points.shape[:2]
+        seen = (points - self.middle) / self.scale
+        place = seen.mean(axis=1)
+        bend = (seen * (place @ self.forms[:, :2].T)[..., None]).reshape(count, -1)
+        motion = (seen - place[:, None]).reshape(count, -1)
+        rest = motion + bend - np.column_stack([np.ones(count), place]) @ self.maps[:3]
+        slope = self.maps[3] - (seen * self.forms[:, 2, None]).reshape(count, -1)
+        along = (rest * slope).sum(axis=1) / ((slope**2).sum(axis=1) + TINY)
+        rest = rest - np.clip(along, -LARGEST_DEPTH, LARGEST_DEPTH)[:, None] * slope
+        free = max(2 * frames - FLAT_DIMENSION, 1)
+        return np.asarray(self.scale * np.sqrt((rest**2).sum(axis=1) / free))
+
+    def own_residuals(self, points: Floats) -> Floats:
+        """``residuals`` of the tracks [n, F, 2] that were fitted, from the flat without them, [n].
+
+        Divided by 1 - leverage, that of the affine maps.
+        """
+        place = ((points - self.middle) / self.scale).mean(axis=1)
+        root = np.sqrt(self.weights)[:, None]
+        basis = np.linalg.qr(root * np.column_stack([np.ones(len(place)), place, self.depth]))[0]
+        leverage = np.minimum((basis**2).sum(axis=1), MOST_LEVERAGE)
+        return np.asarray(self.residuals(points) / (1 - leverage))
+
+
 def without_perspective(points: Floats, noise: float) -> Floats:
-    """The tracks of one object as an affine camera would see them.
+    """The tracks [n, F, 2] of one object as an affine camera would see them, pixels.
+
+    They lie on an affine 3-flat where the object is rigid; see ``bent_flat`` for the arguments.
+    """
+    return bent_flat(points, noise).level
+
+
+def bent_flat(
+    points: Floats,
+    noise: float,
+    *,
+    perspective: bool = True,
+    good: float = 0.5,
+    weights: Floats | None = None,
+) -> BentFlat:
+    """Fit the tracks of one object.
 
     The reference view is the mean of all views, and the inverse depth starts as the leading
     direction in which motion is not affine in the place. Outliers have small weights.
@@ -43,11 +124,12 @@ def without_perspective(points: Floats, noise: float) -> Floats:
         Complete tracks of one object in pixels, n of at least 5.
     noise : float
         Residual in pixels below which a track is no outlier.
-
-    Returns
-    -------
-    ndarray [n, F, 2]
-        Tracks in pixels, which lie on an affine 3-flat where the object is rigid.
+    perspective : bool
+        Whether the flat may be bent; otherwise all forms are 0.
+    good : float
+        Share of the tracks of which it is known that they are of the object.
+    weights : ndarray [n], optional
+        Weights of the tracks at first.
     """
     count, frames = points.shape[:2]
     middle = points.mean(axis=(0, 1))
@@ -56,18 +138,20 @@ def without_perspective(points: Floats, noise: float) -> Floats:
     place = seen.mean(axis=1)
     motion = (seen - place[:, None]).reshape(count, -1)
     depth = _standardized(_start(place, motion), np.ones(count))
-    weights = np.ones(count)
+    weights = np.ones(count) if weights is None else weights
+    forms = np.zeros((frames, 3))
     for _ in range(ROUNDS):
         shape = np.column_stack([place, depth])
         affine = np.column_stack([np.ones(count), shape])
-        forms = _linear_forms(affine, seen, motion.reshape(seen.shape), weights)
+        if perspective:
+            forms = _linear_forms(affine, seen, motion.reshape(seen.shape), weights)
         level = motion + (seen * (shape @ forms.T)[..., None]).reshape(count, -1)
         root = np.sqrt(weights)[:, None]
         maps = np.linalg.lstsq(root * affine, root * level, rcond=None)[0]
         residuals = level - affine @ maps
         squared = (residuals**2).sum(axis=1)
         floor = 2 * frames * (noise / scale) ** 2 + TINY
-        weights = geman_mcclure_weights(squared, 4 * float(np.median(squared)) + floor)
+        weights = geman_mcclure_weights(squared, 4 * float(np.quantile(squared, good)) + floor)
         # one Gauss-Newton step of each inverse depth
         slope = (maps[3].reshape(frames, 2) - seen * forms[:, 2, None]).reshape(count, -1)
         step = (residuals * slope).sum(axis=1) / ((slope**2).sum(axis=1) + 1e-12)
@@ -75,8 +159,8 @@ def without_perspective(points: Floats, noise: float) -> Floats:
         moved = step**2 * (slope**2).sum(axis=1)
         if float(np.median(moved)) < 2 * frames * (SETTLED * noise / scale) ** 2:
             break
-    level = place[:, None] + level.reshape(count, frames, 2)
-    return np.asarray(level * scale + middle)
+    straight = (place[:, None] + level.reshape(count, frames, 2)) * scale + middle
+    return BentFlat(middle, scale, forms, maps, weights, depth, np.asarray(straight))
 
 
 def _start(place: Floats, motion: Floats) -> Floats:

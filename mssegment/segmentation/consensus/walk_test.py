@@ -1,36 +1,69 @@
-"""The third test for outliers: tracks of a group that move along like random walks.
+"""The third test for outliers: tracks of a group that do not move with it.
 
-The residuals of a group from its own local flats have one mode where the tracks move together, and
-another where random walks made of the same steps lie. A track is an outlier if the walks explain
-its residual better, unless it is too coherent for chance: unless the expected number of walks whose
-residual is as small relative to how far they move is below one.
+The group is one rigid object, a flat that perspective bends (``geometry.projective_flats``). Each
+track is compared with surrogates of its own, whose path is turned by random angles: they move as
+far as it does, but not with the group. The residuals of inliers have one mode; that of a track that
+moves by itself is one more draw from those of its surrogates. A track is an outlier if its
+surrogates explain its residual better than the mode of the inliers does, unless it is too coherent
+for chance: unless fewer than one track of the group would by chance fit as much better than its
+surrogates. Tracks that deviate from a rigid object but move along with it, as a neck does with a
+head, fit better together than even the better half of independent tracks would, and stay.
 """
 
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
+from statistics import NormalDist
 
 import numpy as np
 
+from mssegment.geometry.projective_flats import FLAT_DIMENSION, bent_flat
+from mssegment.geometry.robust import geman_mcclure_weights
 from mssegment.models import Flags
 from mssegment.records import Floats, Integers
-from mssegment.sampling.chimeras import (
-    FLAT_DIMENSION,
-    LocalFlats,
-    draw_walks,
-    log_tail,
-    spread_of_tracks,
+from mssegment.sampling.chimeras import GOOD_TRACKS, LocalFlats
+from mssegment.segmentation.consensus.group_test import (
+    TINY,
+    moves,
+    turned_paths,
+    turned_steps,
 )
+from mssegment.segmentation.consensus.split_test import FEWEST_FOR_PERSPECTIVE
 
-FLAT_SPREAD = 0.15
-"""Standard deviation of the logarithm of a residual because the flats go through noisy tracks
-(simulated: 0.14 to 0.17); the noise of the track itself has 1 / sqrt(2 (2F - 3))."""
+SURROGATES = 12
+"""Surrogates of each track, which give its mean to 0.3 standard deviations, and one standard
+deviation for all tracks."""
+ROUNDS = 2
+"""Fits of the flat, the second one without the outliers of the first."""
 LEAST_GROUP = 8
 """Tracks of the smallest group that is tested."""
 EM_ROUNDS = 30
 """Rounds of expectation maximization."""
-LARGEST_SHARE = 0.5
-"""A group of which most tracks are walks would be none."""
+FIRST_SHARE, LARGEST_SHARE = 0.1, 0.5
+"""Share of the outliers at first, and the largest: a group of which most tracks are outliers would
+be none."""
+OF_BETTER_HALF = -math.sqrt(2 / math.pi)
+"""Mean of the smaller half of a standard normal distribution."""
+
+
+@dataclass(frozen=True)
+class Null:
+    """Normal distribution of the logarithm of the residual of each track under a null hypothesis.
+
+    ``middle`` [n] are its means; the standard deviation ``spread`` is common.
+    """
+
+    middle: Floats
+    spread: float
+
+    def scores(self, logs: Floats) -> Floats:
+        """Standard deviations [n] from the means."""
+        return np.asarray((logs - self.middle) / self.spread)
+
+    def meaningful(self, logs: Floats) -> Flags:
+        """Which logarithms of residuals [n] are so small that fewer than one is by chance."""
+        return np.asarray(self.scores(logs) < NormalDist().inv_cdf(1 / len(logs)))
 
 
 def walk_test(points: Floats, labels: Integers, rng: np.random.Generator) -> Flags:
@@ -43,7 +76,7 @@ def walk_test(points: Floats, labels: Integers, rng: np.random.Generator) -> Fla
     labels : ndarray [P] of int
         Their labels 1, 2, ...
     rng : numpy.random.Generator
-        Draws the flats and the walks.
+        Draws the flats and the surrogates.
 
     Returns
     -------
@@ -60,35 +93,54 @@ def walk_test(points: Floats, labels: Integers, rng: np.random.Generator) -> Fla
 
 
 def walks_among(points: Floats, rng: np.random.Generator) -> Flags:
-    """Which tracks [n, F, 2] of one group are random walks, [n]."""
-    flats = LocalFlats(points, rng)
-    samples = draw_walks(points, flats.samples, rng)
-    own, null = flats.own_residuals(), flats.residuals_of(samples)
-    free = max(2 * points.shape[1] - FLAT_DIMENSION, 1)
-    least = math.hypot(FLAT_SPREAD, 1 / math.sqrt(2 * free))
-    relative, of_walks = own / spread_of_tracks(points), null / spread_of_tracks(samples)
-    meaningful = math.log(len(points)) + log_tail(relative, of_walks) < 0
-    return np.asarray((probability_of_null(own, null, least) > 0.5) & ~meaningful)
+    """Which tracks [n, F, 2] of one group do not move with it, [n]."""
+    local = LocalFlats(points, rng).own_residuals()
+    trust = geman_mcclure_weights(local**2, float(np.quantile(local, GOOD_TRACKS)) ** 2 + TINY)
+    least = 1 / math.sqrt(2 * max(2 * points.shape[1] - FLAT_DIMENSION, 1))
+    outliers = np.zeros(len(points), dtype=bool)
+    for _ in range(ROUNDS):
+        logs, null = _compared(points, ~outliers, trust, rng)
+        found = (probability_of_null(logs, null, least) > 0.5) & ~null.meaningful(logs)
+        if found.any() and null.scores(logs)[found].mean() < OF_BETTER_HALF:
+            found[:] = False
+        settled = bool((found == outliers).all()) or (~found).sum() < LEAST_GROUP
+        outliers = found
+        if settled:
+            break
+    return outliers
 
 
-def probability_of_null(values: Floats, null: Floats, least: float) -> Floats:
-    """Posterior probability [n] that each positive value is of the null hypothesis.
+def _compared(
+    points: Floats, kept: Flags, trust: Floats, rng: np.random.Generator
+) -> tuple[Floats, Null]:
+    """Logarithms of the residuals [n] from the flat of the ``kept`` tracks, and their null."""
+    bent = int(kept.sum()) >= FEWEST_FOR_PERSPECTIVE
+    flat = bent_flat(points[kept], 0.0, perspective=bent, good=GOOD_TRACKS, weights=trust[kept])
+    residuals = flat.residuals(points)
+    residuals[kept] = flat.own_residuals(points[kept])
+    turned = turned_paths if moves(points) else turned_steps
+    drawn = [flat.residuals(turned(points, rng)) for _ in range(SURROGATES)]
+    found = np.log(np.array(drawn) + TINY)
+    spread = float(np.sqrt(np.median(found.var(axis=0, ddof=1))))
+    return np.log(residuals + TINY), Null(found.mean(axis=0), spread + TINY)
 
-    Expectation maximization with two log-normal distributions: that of the ``null`` values, which
-    is fixed, and one below it, whose standard deviation is at least ``least``.
+
+def probability_of_null(logs: Floats, null: Null, least: float) -> Floats:
+    """Posterior probability [n] that each logarithm of a residual is of its null hypothesis.
+
+    Expectation maximization with a normal distribution of the inliers, whose mean and standard
+    deviation, at least ``least``, are free, and the ``null``, of which only the share is free. It
+    starts at the small residuals: many tracks may be outliers.
     """
-    logs, of_null = np.log(values + 1e-12), np.log(null + 1e-12)
-    middle = float(np.median(of_null))
-    spread = max(1.4826 * float(np.median(np.abs(of_null - middle))), least)
-    mean = float(np.median(logs))
-    deviation = max(1.4826 * float(np.median(np.abs(logs - mean))), least)
-    share = 0.1
+    low, mean = (float(q) for q in np.quantile(logs, [GOOD_TRACKS / 4, GOOD_TRACKS]))
+    deviation = max(mean - low, least)
+    share, of_null = FIRST_SHARE, _normal(null.scores(logs), 0.0, 1.0) / null.spread
     probability = np.zeros(len(logs))
     for _ in range(EM_ROUNDS):
-        mean = min(mean, middle)
         fits = (1 - share) * _normal(logs, mean, deviation)
-        walks = share * _normal(logs, middle, spread)
-        probability = np.where(logs < mean, 0.0, walks / (fits + walks + 1e-300))
+        probability = np.where(
+            logs < mean, 0.0, share * of_null / (fits + share * of_null + 1e-300)
+        )
         weights = 1 - probability
         total = max(float(weights.sum()), 1e-12)
         mean = float(weights @ logs) / total
