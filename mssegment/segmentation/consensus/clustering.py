@@ -149,6 +149,9 @@ def cluster_by_consensus(
     found = Consensus(labels, misfit)
     # a number of motions that the user gives is a fact
     found = without_walks(points, found, rng, drop=not motions and not min_motions)
+    if hypotheses.partition == "spectral":
+        # afterwards, since what is left of independent tracks is coherent by selection
+        found = without_outliers(found, walk_test(points, found.labels, rng))
     return replace(found, separations=_in_order(apart, drawn, found.labels))
 
 
@@ -166,6 +169,14 @@ def without_walks(
     labels = _by_size(np.where(np.isin(found.labels, dropped), OUTLIER, found.labels))
     notes = (WALKS_NOTE.format(count=len(dropped)),)
     return replace(found, labels=labels, log_nfa=_known(log_nfa[~chance]), notes=notes)
+
+
+def without_outliers(found: Consensus, outliers: Flags) -> Consensus:
+    """The groups without these tracks [P], the largest group first."""
+    labels = _by_size(np.where(outliers, OUTLIER, found.labels))
+    firsts = [int(np.argmax(labels == k)) for k in range(1, int(labels.max(initial=0)) + 1)]
+    known = found.log_nfa and tuple(found.log_nfa[found.labels[i] - 1] for i in firsts)
+    return replace(found, labels=labels, log_nfa=known)
 
 
 def _known(log_nfa: Floats) -> tuple[float | None, ...]:
@@ -214,7 +225,6 @@ def _cluster_complete(
     joined = _join(local, partial, complete, labels)
     grouped, labels = np.concatenate([complete, partial]), np.concatenate([labels, joined])
     labels[second_test(points[grouped], misfit[grouped], labels, factor)] = OUTLIER
-    labels[walk_test(points[grouped], labels, rng)] = OUTLIER
     return grouped, labels, apart
 
 
