@@ -13,8 +13,8 @@ from mssegment.meanshift.validation import (
     Parameters,
     feature_names,
     generator,
-    not_fitted,
     numbers,
+    numbers_like_fitted,
     thread_count,
 )
 from mssegment.models import MODELS, of_data
@@ -232,16 +232,7 @@ class MultiModel(Parameters):
 
     def residuals(self, X: npt.ArrayLike) -> Floats:
         """The distance of points [n, ...] from each structure, [m, n], in the unit of the data."""
-        if not hasattr(self, "_fitted"):
-            raise not_fitted(self)
-        feature_names(X, getattr(self, "feature_names_in_", None), type(self).__name__)
-        raw = numbers(X)
-        features = int(np.prod(raw.shape[1:]))
-        if features != self.n_features_in_:
-            raise InvalidPoints(
-                f"X has {features} features, but {type(self).__name__} is expecting "
-                f"{self.n_features_in_} features as input"
-            )
+        raw = numbers_like_fitted(self, X)
         points = self._points(raw)
         if not self.structures_:
             return np.zeros((0, len(points)))

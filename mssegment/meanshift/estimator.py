@@ -34,8 +34,8 @@ from mssegment.meanshift.validation import (
     Parameters,
     feature_names,
     generator,
-    not_fitted,
     numbers,
+    numbers_like_fitted,
     thread_count,
 )
 from mssegment.records import Floats, Integers, replace
@@ -263,16 +263,7 @@ class MeanShift(Parameters):
         NotFittedError
             Before ``fit``.
         """
-        if not hasattr(self, "_fitted"):
-            raise not_fitted(self)
-        feature_names(X, getattr(self, "feature_names_in_", None), type(self).__name__)
-        raw = numbers(X)
-        features = int(np.prod(raw.shape[1:]))
-        if features != self.n_features_in_:
-            raise InvalidPoints(
-                f"X has {features} features, but {type(self).__name__} is expecting "
-                f"{self.n_features_in_} features as input"
-            )
+        raw = numbers_like_fitted(self, X)
         return self._reached(self._points_on(self._fitted.manifold, raw))
 
     def _manifold_of(self, raw: Floats) -> Manifold:

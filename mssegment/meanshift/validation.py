@@ -188,3 +188,27 @@ def thread_count(n_jobs: Any) -> int:
 
 def _same(value: Any, default: Any) -> bool:
     return value is default or (type(value) is type(default) and bool(np.all(value == default)))
+
+
+def numbers_like_fitted(estimator: Any, x: Any) -> Floats:
+    """The points as an array, of as many features as a fitted estimator was fitted to.
+
+    Raises
+    ------
+    NotFittedError
+        Before ``fit``.
+    InvalidPoints
+        If the names or the number of the features differ, or values are not finite numbers.
+    """
+    if not hasattr(estimator, "_fitted"):
+        raise not_fitted(estimator)
+    name = type(estimator).__name__
+    feature_names(x, getattr(estimator, "feature_names_in_", None), name)
+    raw = numbers(x)
+    features = int(np.prod(raw.shape[1:]))
+    if features != estimator.n_features_in_:
+        raise InvalidPoints(
+            f"X has {features} features, but {name} is expecting "
+            f"{estimator.n_features_in_} features as input"
+        )
+    return raw
