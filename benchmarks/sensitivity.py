@@ -86,7 +86,6 @@ CONSTANTS = (
     ),
     Constant(PERSPECTIVE, "SETTLED", "well below the noise: at 0 the decisions are the same"),
     Constant(WALK_TEST, "SURROGATES", "enough for a mean"),
-    Constant(GROUP_TEST, "SURROGATES", "enough for a tail of 1 in 10 000"),
     Constant(GROUP_TEST, "MOVING", "theory: 1.4 for noise"),
     Constant(GROUP_TEST, "LEVEL", "one in a hundred sequences of noise"),
     Constant(MODEL_ORDER, "LEAST_SEPARATION", "a debt: chosen on random scenes and Hopkins155"),

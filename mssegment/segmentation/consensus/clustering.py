@@ -48,8 +48,8 @@ incomplete tracks.)"""
 
 
 WALKS_NOTE = (
-    "{count} group(s) of tracks move no more coherently than random walks and are not motions; set "
-    "segment.motions or segment.min_motions to keep them"
+    "{count} group(s) of tracks move no more coherently than tracks that move independently, and "
+    "are no motions; set segment.motions or segment.min_motions to keep them"
 )
 
 
@@ -124,7 +124,7 @@ def cluster_by_consensus(
     least = motions if motions else max(1, min_motions)
     if hypotheses.partition == "average_linkage":
         found = _cluster_static(points, sets, tracks, (least, motions or len(points)))
-        return without_walks(points, found, rng, drop=not motions and not min_motions)
+        return without_chance_groups(points, found, rng, drop=not motions and not min_motions)
     bounds = least, motions if motions else max(least, MAX_MOTIONS)
     misfits, coassociations = Misfit(points), CoassociationAccumulator(len(points))
     for one in track(sets, "sets of hypotheses"):
@@ -148,17 +148,17 @@ def cluster_by_consensus(
     drawn, labels = labels, _by_size(labels)
     found = Consensus(labels, misfit)
     # a number of motions that the user gives is a fact
-    found = without_walks(points, found, rng, drop=not motions and not min_motions)
+    found = without_chance_groups(points, found, rng, drop=not motions and not min_motions)
     if hypotheses.partition == "spectral":
         # afterwards, since what is left of independent tracks is coherent by selection
         found = without_outliers(found, walk_test(points, found.labels, rng))
     return replace(found, separations=_in_order(apart, drawn, found.labels))
 
 
-def without_walks(
+def without_chance_groups(
     points: Floats, found: Consensus, rng: np.random.Generator, *, drop: bool
 ) -> Consensus:
-    """The groups with their numbers of false alarms; without those of random walks if ``drop``."""
+    """The groups with their numbers of false alarms; without those by chance if ``drop``."""
     if points.shape[1] < 3:
         return found
     log_nfa = log_false_alarms_of_groups(points, found.labels, MAX_MOTIONS, rng)

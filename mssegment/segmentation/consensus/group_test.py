@@ -44,8 +44,8 @@ LEVEL = 0.01
 """There is no motion at all if the groups together are as coherent in one of a hundred sequences
 of noise."""
 SURROGATES = 9
-"""Groups that are drawn; the tail of the Student t distribution with eight degrees of freedom says
-what so few of them leave unknown."""
+"""Groups that are drawn, an odd number; the tail of the Student t distribution with eight degrees
+of freedom says what so few of them leave unknown."""
 MOST_TRACKS = 60
 """Tracks of a group that are tested, at random; the coherence of so many is well known."""
 MOVING = 2.0
