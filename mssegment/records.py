@@ -397,3 +397,12 @@ class ClusterResult(Record, frozen=True):
     assignments: tuple[Integers, ...] = ()
     notes: tuple[str, ...] = ()
     camera_motion: int | None = None
+
+
+def by_size(labels: Integers) -> Integers:
+    """The labels [P] with the positive ones numbered 1, 2, ..., the largest group first."""
+    names, sizes = np.unique(labels[labels > 0], return_counts=True)
+    numbered = labels.copy()
+    for number, name in enumerate(names[np.argsort(-sizes, kind="stable")], start=1):
+        numbered[labels == name] = number
+    return numbered

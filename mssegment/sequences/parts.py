@@ -14,7 +14,7 @@ from scipy.sparse.csgraph import connected_components
 
 from mssegment.models import Flags
 from mssegment.neighbours import nearest
-from mssegment.records import BACKGROUND, OUTLIER, Floats, Integers, Record
+from mssegment.records import BACKGROUND, OUTLIER, Floats, Integers, Record, by_size
 
 LARGEST_RELIEF = 1 / 3
 """Largest difference of the velocities of neighbours in an object, relative to their speed. The
@@ -181,15 +181,6 @@ def move_alike(first: Floats, second: Floats) -> bool:
     speed = np.linalg.norm(velocity, axis=2).min(axis=0).sum()
     difference = np.linalg.norm(velocity[1] - velocity[0], axis=1).sum()
     return bool(difference <= LARGEST_RELIEF * speed)
-
-
-def by_size(labels: Integers) -> Integers:
-    """The labels with the positive ones renumbered, the largest group first."""
-    names, sizes = np.unique(labels[labels > 0], return_counts=True)
-    found = labels.copy()
-    for number, name in enumerate(names[np.argsort(-sizes, kind="stable")], start=1):
-        found[labels == name] = number
-    return found
 
 
 def _are_parts(points: Floats, visible: Flags, labels: Integers, first: int, second: int) -> bool:

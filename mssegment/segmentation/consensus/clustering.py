@@ -18,6 +18,7 @@ from mssegment.records import (
     HypothesisSet,
     Integers,
     Record,
+    by_size,
     replace,
 )
 from mssegment.sampling.observed import ObservedSet
@@ -64,8 +65,8 @@ class Consensus(Record, frozen=True):
     misfit : ndarray [P]
         The ``Misfit`` of each track in pixels.
     log_nfa : tuple of float
-        Logarithm of the number of false alarms of each group, as ``Motion.log_nfa``; empty if the
-        groups were not tested.
+        Logarithm of the number of false alarms of each group, as ``Motion.log_nfa``, None
+        where it is not known; empty if the groups were not tested.
     separations : tuple of float
         How far each group is from its nearest neighbour, as ``Motion.separation``; empty if there
         is one group, or if this was not tested.
@@ -145,7 +146,7 @@ def cluster_by_consensus(
             points, coassociations.kinds, misfit, bounds, rng
         )
     labels[grouped] = groups
-    drawn, labels = labels, _by_size(labels)
+    drawn, labels = labels, by_size(labels)
     found = Consensus(labels, misfit)
     # a number of motions that the user gives is a fact
     found = without_chance_groups(points, found, rng, drop=not motions and not min_motions)
@@ -166,14 +167,14 @@ def without_chance_groups(
     if not drop or not chance.any():
         return replace(found, log_nfa=_known(log_nfa))
     dropped = np.flatnonzero(chance) + 1
-    labels = _by_size(np.where(np.isin(found.labels, dropped), OUTLIER, found.labels))
+    labels = by_size(np.where(np.isin(found.labels, dropped), OUTLIER, found.labels))
     notes = (WALKS_NOTE.format(count=len(dropped)),)
     return replace(found, labels=labels, log_nfa=_known(log_nfa[~chance]), notes=notes)
 
 
 def without_outliers(found: Consensus, outliers: Flags) -> Consensus:
     """The groups without these tracks [P], the largest group first."""
-    labels = _by_size(np.where(outliers, OUTLIER, found.labels))
+    labels = by_size(np.where(outliers, OUTLIER, found.labels))
     firsts = [int(np.argmax(labels == k)) for k in range(1, int(labels.max(initial=0)) + 1)]
     known = found.log_nfa and tuple(found.log_nfa[found.labels[i] - 1] for i in firsts)
     return replace(found, labels=labels, log_nfa=known)
@@ -192,7 +193,7 @@ def _cluster_static(
     labels = np.full(len(points), OUTLIER, dtype=np.int64)
     labels[tracks[~linkage.usable[tracks]]] = NOT_JUDGED
     labels[linkage.usable] = linkage.labels(*bounds)
-    return Consensus(_by_size(labels), two_frame_misfit(points, sets))
+    return Consensus(by_size(labels), two_frame_misfit(points, sets))
 
 
 def _cluster_complete(
@@ -293,15 +294,6 @@ def _join(kind: Coassociation, partial: Integers, complete: Integers, labels: In
     shared = kind.shared[block] @ member
     agreement = kind.agreement[block] @ member / np.maximum(shared, 1)
     return np.where(shared.any(axis=1), agreement.argmax(axis=1) + 1, NOT_JUDGED)
-
-
-def _by_size(labels: Integers) -> Integers:
-    """Number the groups from the largest to the smallest."""
-    names, sizes = np.unique(labels[labels > 0], return_counts=True)
-    numbered = labels.copy()
-    for number, name in enumerate(names[np.argsort(-sizes, kind="stable")], 1):
-        numbered[labels == name] = number
-    return numbered
 
 
 def _in_order(apart: Sequence[float], before: Integers, labels: Integers) -> tuple[float, ...]:
