@@ -142,3 +142,9 @@ def test_a_group_that_stands_still_but_drifts_a_little_is_a_motion() -> None:
 def test_probabilities_are_combined_as_by_fisher(logs: list[float]) -> None:
     expected = chi2.logsf(-2 * sum(logs), 2 * len(logs))
     assert log_combined(np.array(logs)) == pytest.approx(expected, abs=1e-6)
+
+
+def test_a_group_with_too_few_complete_tracks_is_not_tested(rng: np.random.Generator) -> None:
+    points, _ = rigid_bodies(rng, sizes=(6,), frames=8)
+    points[:2, 0] = np.nan
+    assert np.isnan(log_false_alarms_of_groups(points, np.ones(6, dtype=np.int64), 8, rng)).all()

@@ -71,12 +71,12 @@ def log_false_alarms_of_groups(
     groups : int
         Number of groups that are tested.
     rng : numpy.random.Generator
-        Draws the flats and the walks.
+        Draws the surrogates and the flats.
 
     Returns
     -------
     ndarray [m]
-        Nats; NaN where no window shows ``MIN_WINDOW_TRACKS`` tracks of the group.
+        Nats; NaN where neither all frames nor a window show tracks enough of the group.
     """
     return np.array(
         [
@@ -121,7 +121,7 @@ def _in_windows(points: Floats, groups: int, rng: np.random.Generator) -> float:
     """Of one group of tracks [n, F, 2]: that of its windows together; NaN without any."""
     visible = np.asarray(np.isfinite(points).all(axis=2))
     complete = visible.all(axis=1)
-    if 2 * complete.sum() > len(points):
+    if 2 * complete.sum() > len(points) and complete.sum() > FLAT_DIMENSION + 1:
         return log_false_alarms_of_group(points[complete], groups, rng)
     length = window_length(visible)
     found = []

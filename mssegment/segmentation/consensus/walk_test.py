@@ -6,8 +6,8 @@ far as it does, but not with the group. The residuals of inliers have one mode; 
 moves by itself is one more draw from those of its surrogates. A track is an outlier if its
 surrogates explain its residual better than the mode of the inliers does, unless it is too coherent
 for chance: unless fewer than one track of the group would by chance fit as much better than its
-surrogates. Tracks that deviate from a rigid object but move along with it, as a neck does with a
-head, fit better together than even the better half of independent tracks would, and stay.
+surrogates. Tracks that deviate from a rigid object but move along with it may stay: if those found
+fit better on average than even the better half of independent tracks would, none is an outlier.
 """
 
 from __future__ import annotations
