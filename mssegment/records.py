@@ -321,14 +321,17 @@ class Motion(Record, frozen=True):
         The motion in pixels, least squares over the inliers, or those of the largest part. Two
         views: the map from the first to the second, with last entry 1, as ``cv2.findHomography``
         returns it. More views: the affine map from the first frame that shows the motion to each
-        frame; NaN where the inliers determine none. None for ``translation``, which predicts no
-        points. Points must be free of lens distortion.
+        frame; NaN where the inliers determine none. None for ``translation`` and ``essential``,
+        which predict no points. Points must be free of lens distortion.
     direction : ndarray [3] of float64, optional
-        ``translation``: the unit vector of the motion of the object relative to the camera, in the
-        coordinates of the first view (x right, y down, z forward).
+        ``translation``, ``essential``: the unit vector of the motion of the object relative to the
+        camera, in the coordinates of the first view (x right, y down, z forward).
     epipole : ndarray [2] of float64, optional
-        ``translation``: the vanishing point of ``direction`` in the first view, in pixels; NaN
-        where it is at infinity.
+        ``translation``, ``essential``: the vanishing point of ``direction`` in the first view, in
+        pixels; NaN where it is at infinity.
+    rotation : ndarray [3, 3] of float64, optional
+        ``essential``: R of X2 = R (X1 + s ``direction``), where the length s is not known. What
+        ``cv2.recoverPose`` calls t is R ``direction``.
     basis : ndarray [F, 2, k] of float64, optional
         ``factorization``: the subspace in pixels. The track with coefficients s [k] is
         ``origin`` + ``basis`` s.
@@ -359,6 +362,7 @@ class Motion(Record, frozen=True):
     matrix: Floats | None = None
     direction: Floats | None = None
     epipole: Floats | None = None
+    rotation: Floats | None = None
     basis: Floats | None = None
     origin: Floats | None = None
     coefficients: Floats | None = None

@@ -103,6 +103,7 @@ MODELS: Registry[Any] = Registry(
         "rigid2d": "mssegment.models.rigid2d:Rigid2D",
         "homography": "mssegment.models.homography:Homography",
         "translation": "mssegment.models.translation:Translation",
+        "essential": "mssegment.models.essential:Essential",
         "factorization": "mssegment.models.factorization:Factorization",
         "hyperplane": "mssegment.models.hyperplane:Hyperplane",
         "subspace": "mssegment.models.subspace:Subspace",

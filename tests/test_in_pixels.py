@@ -64,14 +64,14 @@ def test_every_model_states_exact_motions_in_pixels(name, rng):
         basis = found["basis"].reshape(-1, found["basis"].shape[-1])
         tracks = (points - found["origin"]).reshape(30, -1).T
         assert np.abs(basis @ np.linalg.lstsq(basis, tracks, rcond=None)[0] - tracks).max() < 1e-6
-    else:
-        # all points move away from the epipole, or all towards it
+    elif "rotation" not in found:
+        # what approaches, with a negative z, moves away from the epipole
         outwards = points[:, 0] - found["epipole"]
         along = points[:, 1] - points[:, 0]
         cross = outwards[:, 0] * along[:, 1] - outwards[:, 1] * along[:, 0]
         assert np.abs(cross / np.linalg.norm(outwards, axis=1)).max() < 1e-6
         assert np.sign((outwards * along).sum(axis=1)).tolist() == 30 * [
-            np.sign(found["direction"][2])
+            -np.sign(found["direction"][2])
         ]
 
 
@@ -80,7 +80,22 @@ def test_an_epipole_at_infinity_is_not_a_number():
     normalization = model.normalization(np.zeros((1, 2, 2)), EXAMPLE_CAMERA)
     found = model.in_pixels(np.array([[1.0], [0.0], [0.0]]), normalization)
     assert np.isnan(found["epipole"]).all()
-    assert found["direction"].tolist() == [1.0, 0.0, 0.0]
+    assert found["direction"].tolist() == [-1.0, 0.0, 0.0]
+
+
+def test_the_direction_of_a_translation_is_that_of_the_object(rng):
+    """X2 = X1 + s t in the coordinates of the first camera: x right, y down, z forward."""
+    model = models.make("translation")
+    focal = np.array([EXAMPLE_CAMERA.fx, EXAMPLE_CAMERA.fy])
+    middle = np.array([EXAMPLE_CAMERA.cx, EXAMPLE_CAMERA.cy])
+    space = rng.uniform([-1.0, -1.0, 4.0], [1.0, 1.0, 6.0], (30, 3))
+    for shift in rng.normal(0.0, 0.2, (8, 3)):
+        both = np.stack([space, space + shift], axis=1)
+        points = both[..., :2] / both[..., 2:] * focal + middle
+        normalization = model.normalization(points, EXAMPLE_CAMERA)
+        fitted, _ = model.fit(model.observe(points, normalization), np.ones((1, 30)))
+        found = model.in_pixels(fitted[0], normalization)["direction"]
+        assert np.allclose(found, shift / np.linalg.norm(shift), atol=1e-6)
 
 
 def rigid_sequence(rng, frames=12, count=60):

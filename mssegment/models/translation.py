@@ -30,7 +30,7 @@ FIT_TOLERANCE = 1e-6
 
 
 class Translation(MotionModel):
-    """The translation t with t . (x1 x x2) = 0.
+    """The translation t of the camera relative to the object, with t . (x1 x x2) = 0.
 
     An elemental subset is two matches; the residual is the Sampson distance.
 
@@ -72,10 +72,7 @@ class Translation(MotionModel):
         ValueError
             Without a camera.
         """
-        if camera is None:
-            raise ValueError("translation needs a camera")
-        centres = np.tile([camera.cx, camera.cy], (points.shape[1], 1))
-        return Normalization(centres, camera.fx, camera.fy / camera.fx)
+        return calibrated_normalization(self.name, points.shape[1], camera)
 
     def observe(self, points: Floats, normalization: Normalization) -> Floats:
         """Normalized image coordinates [P, 2, 2], view 2 in the orientation of view 1."""
@@ -156,13 +153,9 @@ class Translation(MotionModel):
         return np.asarray(np.abs(points[:, :, 0] @ constraint_rows(observed).T))
 
     def in_pixels(self, point: Floats, normalization: Normalization) -> dict[str, Floats]:
-        """The ``direction``, and the ``epipole`` in the first view."""
-        direction = point[:, 0] / np.linalg.norm(point)
-        focal = normalization.scale * np.array([1.0, normalization.aspect])
-        with np.errstate(divide="ignore", invalid="ignore"):
-            epipole = normalization.centres[0] + focal * direction[:2] / direction[2]
-        far = not (np.abs(epipole) <= LARGEST_COORDINATE).all()
-        return {"direction": direction, "epipole": np.full(2, np.nan) if far else epipole}
+        """The ``direction`` of the object, which is -t, and the ``epipole`` in the first view."""
+        direction = -point[:, 0] / np.linalg.norm(point)
+        return {"direction": direction, "epipole": epipole_in_pixels(direction, normalization)}
 
     def remarks(self, labels: Sequence[int], points: Floats) -> tuple[str, ...]:
         """A warning about translations along the optical axis.
@@ -185,8 +178,30 @@ class Translation(MotionModel):
 
     def log_free_extent(self, observed: Floats, normalization: Normalization) -> float:
         """Along its epipolar line a match may move as far as the longest match does."""
-        shift = (observed[:, 1] - observed[:, 0]) * normalization.scale
-        return float(np.log(max(np.linalg.norm(shift, axis=1).max(initial=0.0), 1.0)))
+        return longest_displacement(observed, normalization)
+
+
+def calibrated_normalization(model: str, frames: int, camera: Camera | None) -> Normalization:
+    """Principal point at the origin, focal length 1; raises ValueError without a camera."""
+    if camera is None:
+        raise ValueError(f"{model} needs a camera")
+    centres = np.tile([camera.cx, camera.cy], (frames, 1))
+    return Normalization(centres, camera.fx, camera.fy / camera.fx)
+
+
+def epipole_in_pixels(direction: Floats, normalization: Normalization) -> Floats:
+    """The vanishing point [2] of a direction [3] in the first view; NaN if it is very far away."""
+    focal = normalization.scale * np.array([1.0, normalization.aspect])
+    with np.errstate(divide="ignore", invalid="ignore"):
+        epipole = normalization.centres[0] + focal * direction[:2] / direction[2]
+    near = (np.abs(epipole) <= LARGEST_COORDINATE).all()
+    return np.asarray(epipole) if near else np.full(2, np.nan)
+
+
+def longest_displacement(observed: Floats, normalization: Normalization) -> float:
+    """Natural logarithm of the longest displacement of a match in pixels, at least zero."""
+    shift = (observed[:, 1] - observed[:, 0]) * normalization.scale
+    return float(np.log(max(np.linalg.norm(shift, axis=1).max(initial=0.0), 1.0)))
 
 
 def orient(directions: Floats, matches: Floats, weights: Floats) -> Floats:

@@ -42,7 +42,7 @@ PictureOf = Callable[[int], Picture | None]
 """The picture of a frame by its index, or None where it is not available."""
 
 SCHEMA = "mssegment/report/1"
-IN_PIXELS = ("matrix", "direction", "epipole", "coefficients")
+IN_PIXELS = ("matrix", "direction", "epipole", "rotation", "coefficients")
 """The fields of a motion in pixels, or in the unit of the data, that ``report_json`` has."""
 
 
