@@ -165,7 +165,7 @@ def test_folders_and_patterns_name_their_clips(tmp_path: Path) -> None:
     assert [item.name for item in found] == ["b-clip", "b-clip-2", "c-clip"]
     assert [item.configuration.input.tracks is None for item in found] == [False, True, True]
     assert [item.name for item in items_of([str(tmp_path / "*" / "*.csv")])] == ["clip"]
-    for nothing in ("*/*.xyz", "nothing.mp4"):
+    for nothing in ("*/*.xyz", "nothing.mp4", "nothing.csv", "nothing.npz"):
         with pytest.raises(DataError, match=r"nothing matches|no such file"):
             items_of([str(tmp_path / nothing)])
 

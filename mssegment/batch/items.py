@@ -110,10 +110,10 @@ def _rows(given: str) -> list[Row]:
         return [Row(*row) for row in read_manifest(given)]
     if given.lower().endswith((".yaml", ".yml")):
         return [Row(Path(given).stem, given, read_settings(given))]
+    if given != "-" and not (os.path.exists(given) or os.path.exists(given.rpartition("#")[0])):
+        raise DataError(f"{given}: no such file; check the name")
     if are_tracks(given):
         return [_row(given, "input.tracks", given)]
-    if not os.path.exists(given):
-        raise DataError(f"{given}: no such file; check the name")
     if not is_moving(given):
         raise DataError(
             f"{given}: a single picture; name its folder to segment it as a sequence, or write a "
