@@ -226,8 +226,8 @@ def _configuration(
 ) -> Configuration:
     given = from_mapping(settings or {}, "settings")
     if camera is not None:
-        for name in ("fx", "fy", "cx", "cy", "distortion", "distortion_model"):
-            given.append(Setting(f"camera.{name}", getattr(camera, name), "camera"))
+        names = ("fx", "fy", "cx", "cy", "distortion", "distortion_model")
+        given += from_mapping({f"camera.{name}": getattr(camera, name) for name in names}, "camera")
     return resolve([*given, *more])
 
 

@@ -129,6 +129,8 @@ def test_numbers_of_numpy_are_numbers() -> None:
     np.testing.assert_array_equal(again.labels, plain.labels)
     with pytest.raises(mssegment.ConfigurationError, match=r"seed is 1\.5"):
         mssegment.segment_tracks(points, {"seed": np.float64(1.5)})
+    camera = mssegment.Camera(*np.array([800.0, 800.0, 250.0, 250.0]), tuple(np.zeros(4)))
+    mssegment.segment_tracks(points, {"hypothesize.model": "translation"}, camera=camera)
 
 
 def test_masked_positions_are_not_seen() -> None:

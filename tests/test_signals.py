@@ -7,8 +7,10 @@ import sys
 
 import pytest
 
+# a shell starts its background jobs with SIGINT ignored
 DURING_THE_START = """
 import os, signal, sys
+signal.signal(signal.SIGINT, signal.default_int_handler)
 import mssegment.__main__
 
 class Interrupting:
@@ -39,6 +41,7 @@ mssegment.cli.main([])
 """
 HIDDEN_BY_A_LIBRARY = """
 import os, signal
+signal.signal(signal.SIGINT, signal.default_int_handler)
 import mssegment.cli
 
 def command(*arguments, **options):
