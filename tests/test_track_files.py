@@ -437,3 +437,142 @@ def test_several_arrays_must_be_named(points: Floats, tmp_path: Path) -> None:
         datasets.read(tmp_path / "t.npz")
     found = datasets.read(f"{tmp_path / 't.npz'}#two")
     np.testing.assert_array_equal(found.tracks.points, points + 1)
+
+
+# --- a row per frame, a list of tracks, a measurement matrix, further pairs of arrays -------------
+
+
+def timeline(points: Floats, name: str, time: str = "") -> str:
+    head = [time] * bool(time) + [
+        name.format(p=p, axis=a) for p in range(len(points)) for a in "XY"
+    ]
+    rows = [
+        [str(0.04 * f)] * bool(time) + [f"{v:.3f}" for v in points[:, f].ravel()]
+        for f in range(points.shape[1])
+    ]
+    return "\n".join(";".join(row) for row in [head, *rows]) + "\n"
+
+
+@pytest.mark.parametrize(
+    ("name", "time"),
+    [
+        ("P{p} {axis}", "Time"),
+        ("{axis}{p}", "t"),
+        ("{axis}_marker{p}", "frame"),
+        ("pt{p}_{axis}", "t"),
+    ],
+)
+def test_a_row_per_frame(points: Floats, tmp_path: Path, name: str, time: str) -> None:
+    (tmp_path / "t.csv").write_text(timeline(points, name, time))
+    found = datasets.read(tmp_path / "t.csv")
+    np.testing.assert_allclose(found.tracks.points, points)
+    assert found.notes[0] == f"read as a row per frame: {FRAMES} frames of {TRACKS} points"
+
+
+def test_named_points_need_no_times_and_may_be_unlikely(points: Floats, tmp_path: Path) -> None:
+    parts = ("nose", "left ear", "tail")
+    head = ",".join(f"{part} x,{part} y,{part} likelihood" for part in parts)
+    rows = [
+        ",".join(f"{x},{y},{0.2 if p == f else 0.9}" for p, (x, y) in enumerate(points[:3, f]))
+        for f in range(FRAMES)
+    ]
+    (tmp_path / "t.csv").write_text("\n".join([head, *rows]))
+    found = datasets.read(tmp_path / "t.csv")
+    assert found.ids == ("nose", "left_ear", "tail")
+    lost = np.isnan(found.tracks.points).any(axis=-1)
+    assert np.argwhere(lost).tolist() == [[0, 0], [1, 1], [2, 2]]
+    np.testing.assert_allclose(found.tracks.points[~lost], points[:3][~lost])
+
+
+def test_views_beside_a_time_are_still_one_match_per_line(points: Floats, tmp_path: Path) -> None:
+    rows = [f"{p},{','.join(map(str, points[p, :2].ravel()))}" for p in range(TRACKS)]
+    (tmp_path / "m.csv").write_text("\n".join(["time,x1,y1,x2,y2", *rows]))
+    np.testing.assert_allclose(datasets.read(tmp_path / "m.csv").tracks.points, points[:, :2])
+
+
+def test_a_time_that_stands_twice_is_no_row_per_frame(points: Floats, tmp_path: Path) -> None:
+    text = timeline(points, "P{p} {axis}", "Time").splitlines()
+    (tmp_path / "t.csv").write_text("\n".join([*text, text[2]]))
+    with pytest.raises(DataError, match=r"t\.csv: line 7: time 0\.04 a second time"):
+        datasets.read(tmp_path / "t.csv")
+
+
+LISTS: dict[str, Callable[[Floats], object]] = {
+    "frames": lambda p: {
+        "tracks": [
+            {"id": i, "frames": list(range(FRAMES)), "points": own}
+            for i, own in enumerate(p.tolist())
+        ]
+    },
+    "no frames": lambda p: [{"points": own} for own in p.tolist()],
+    "objects": lambda p: {
+        "tracks": [{"path": [{"x": x, "y": y} for x, y in own]} for own in p.tolist()]
+    },
+    "frames inside": lambda p: [
+        {"id": i, "points": [{"frame": f, "x": x, "y": y} for f, (x, y) in enumerate(own)]}
+        for i, own in enumerate(p.tolist())
+    ],
+    "x and y": lambda p: {
+        "objects": [{"x": own[:, 0].tolist(), "y": own[:, 1].tolist()} for own in p]
+    },
+}
+
+
+@pytest.mark.parametrize("name", LISTS)
+def test_a_list_of_tracks(points: Floats, tmp_path: Path, name: str) -> None:
+    (tmp_path / "t.json").write_text(json.dumps(LISTS[name](points)))
+    np.testing.assert_allclose(datasets.read(tmp_path / "t.json").tracks.points, points)
+
+
+def test_tracks_of_a_list_that_begin_late_are_not_seen_before(
+    points: Floats, tmp_path: Path
+) -> None:
+    tracks = [{"start": i % 3, "points": points[i, i % 3 :].tolist()} for i in range(TRACKS)]
+    (tmp_path / "t.json").write_text(json.dumps({"tracks": tracks}))
+    found = datasets.read(tmp_path / "t.json").tracks.points
+    for i in range(TRACKS):
+        assert np.isnan(found[i, : i % 3]).all()
+        np.testing.assert_allclose(found[i, i % 3 :], points[i, i % 3 :])
+
+
+@pytest.mark.parametrize(
+    ("entry", "said"),
+    [
+        ({"points": [[1, 2, 3], [4, 5, 6]]}, "track 2: 3 numbers in a position"),
+        ({"points": [[1, "a"], [2, 3]]}, r"track 2: expected positions \[x, y\]"),
+        ({"points": [[1, 2], [3]]}, r"track 2: expected positions \[x, y\]"),
+        ({"points": [[1, 2], [3, 4]], "frames": [1]}, "track 2: 2 positions and 1 frames"),
+        ({"points": [[1, 2], [3, 4]], "frames": [1, 1]}, "track 2: a frame stands twice"),
+        ({"points": [[1, 2], [3, 4]], "start": "soon"}, "track 2: start is 'soon'"),
+    ],
+)
+def test_a_list_of_tracks_that_is_wrong(entry: object, said: str, tmp_path: Path) -> None:
+    good = {"points": [[1.0, 2.0], [3.0, 4.0]]}
+    (tmp_path / "t.json").write_text(json.dumps({"tracks": [good, entry]}))
+    with pytest.raises(DataError, match=said):
+        datasets.read(tmp_path / "t.json")
+
+
+@pytest.mark.parametrize("halves", [False, True])
+def test_a_measurement_matrix(points: Floats, tmp_path: Path, halves: bool) -> None:
+    order = (2, 1, 0) if halves else (1, 2, 0)
+    scipy.io.savemat(tmp_path / "w.mat", {"W": points.transpose(order).reshape(2 * FRAMES, -1)})
+    found = datasets.read(tmp_path / "w.mat")
+    np.testing.assert_allclose(found.tracks.points, points)
+    assert ("then all of y" in found.notes[0]) == halves
+
+
+@pytest.mark.parametrize(
+    "names", [("x1", "x2"), ("kptsA", "kptsB"), ("src", "dst"), ("P_left", "P_right")]
+)
+@pytest.mark.parametrize("layout", ["rows", "columns", "homogeneous"])
+def test_two_arrays_of_positions_are_matches(
+    points: Floats, tmp_path: Path, names: tuple[str, str], layout: str
+) -> None:
+    both = [points[:, 0], points[:, 1]]
+    if layout == "homogeneous":
+        both = [np.column_stack([own, np.ones(TRACKS)]) for own in both]
+    if layout != "rows":
+        both = [own.T for own in both]
+    np.savez(tmp_path / "m.npz", **dict(zip(names, both, strict=True)))
+    np.testing.assert_allclose(datasets.read(tmp_path / "m.npz").tracks.points, points[:, :2])

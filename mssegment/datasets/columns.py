@@ -15,7 +15,7 @@ def _names(text: str) -> tuple[str, ...]:
 TRACK = _names(
     "track track_id trackid track_nr track_no particle particle_id object_id obj_id "
     "trajectory trajectory_id traj traj_id tracklet tracklet_id target_id point_id "
-    "keypoint_id tid id track_label spot_track_id cell_id point object"
+    "keypoint_id tid id track_label spot_track_id cell_id point object marker feature"
 )
 """Names of the column that identifies a track, the most telling first."""
 FRAME = _names(

@@ -27,7 +27,14 @@ _PAIRS = (
     ("kp0", "kp1"),
     ("keypoints1", "keypoints2"),
     ("pts1", "pts2"),
+    ("kptsA", "kptsB"),
+    ("src", "dst"),
+    ("source", "target"),
+    ("x1", "x2"),
+    ("p1", "p2"),
+    ("X", "Y"),
 )
+_ENDINGS = (("0", "1"), ("1", "2"), ("A", "B"), ("a", "b"), ("_l", "_r"), ("_left", "_right"))
 _MATCHES = ("matches", "matches0", "matches01")
 
 
@@ -102,7 +109,27 @@ def pairs_of(matches: Any, first: int, second: int, where: str) -> Integers:
 
 
 def _names(content: Variables) -> tuple[str, str] | None:
-    return next((pair for pair in _PAIRS if set(pair) <= set(content)), None)
+    """The names of the arrays of both images: known ones, or ones that differ in their ending."""
+    ends = [(a, b) for a, b in _ENDINGS if any(name.endswith(a) for name in content)]
+    similar = [
+        (name, name[: len(name) - len(a)] + b)
+        for name in content
+        for a, b in ends
+        if name.endswith(a)
+    ]
+    pairs = [pair for pair in (*_PAIRS, *similar) if set(pair) <= set(content)]
+    return next((pair for pair in pairs if all(_are_places(content[name]) for name in pair)), None)
+
+
+def _are_places(array: Any) -> bool:
+    """Whether an array has two axes, besides those of length 1, as positions have."""
+    return len([n for n in np.shape(array) if n != 1]) == 2 if _is_regular(array) else False
+
+
+def _is_regular(array: Any) -> bool:
+    return isinstance(array, np.ndarray) or (
+        isinstance(array, list) and len({len(row) for row in array if isinstance(row, list)}) == 1
+    )
 
 
 def _places(array: Any, where: str) -> Floats:
@@ -112,6 +139,8 @@ def _places(array: Any, where: str) -> Floats:
         raise DataError(f"{where}: expected numbers") from None
     if values.ndim == 3 and len(values) == 1:
         values = values[0]
+    if values.ndim == 2 and len(values) in (2, 3) and values.shape[1] > 3:
+        values = values.T
     if values.ndim != 2 or values.shape[1] < 2 or not np.isfinite(values[:, :2]).all():
         raise DataError(f"{where}: shape {values.shape}; expected finite positions [N, 2]")
     return values[:, :2]

@@ -1,0 +1,93 @@
+"""The measurement matrix W [2F, P] of factorization, with or without its third row of ones.
+
+References
+----------
+C. Tomasi and T. Kanade, "Shape and motion from image streams under orthography: a factorization
+method", IJCV 9, 1992.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from mssegment.datasets.base import (
+    DataSet,
+    ImportedTracks,
+    check_pixels,
+    check_points,
+    frames_inside,
+    size_that_holds,
+)
+from mssegment.datasets.containers import InputFile, Variables
+from mssegment.errors import DataError
+from mssegment.records import Floats, Tracks
+
+_NAMES = ("W", "w", "measurements", "measurement_matrix", "measurement")
+
+
+def recognises(content: Variables) -> bool:
+    """Whether there is a matrix of an even number of rows, named as the measurement matrix is."""
+    return _chosen(content) is not None
+
+
+def read(file: InputFile) -> ImportedTracks:
+    """Read the matrix; raises DataError if its values are not valid.
+
+    The rows of x and y alternate, or all of x come first. Which of the two is found from the
+    values: a track moves little from frame to frame.
+    """
+    name = _chosen(file.variables)
+    assert name is not None
+    where = f"{file.name}: array '{name}'"
+    values = np.asarray(file.variables[name], dtype=np.float64)
+    if np.isinf(values).any():
+        raise DataError(f"{where} holds infinity; expected pixels, NaN where a point is not seen")
+    frames = len(values) // 2
+    alternating = np.moveaxis(values.reshape(frames, 2, -1), -1, 0)
+    in_halves = np.moveaxis(values.reshape(2, frames, -1), (2, 1), (0, 1))
+    halves = _steps(in_halves) < _steps(alternating)
+    points = (in_halves if halves else alternating).copy()
+    points[np.isnan(points).any(axis=-1)] = np.nan
+    check_pixels(points, where)
+    check_points(points, where)
+    rows = "all rows of x, then all of y" if halves else "rows of x and y in turn"
+    return ImportedTracks(
+        file.path.stem,
+        Tracks(points),
+        frames_inside(file.name, file.content, range(frames), *size_that_holds(points)),
+        notes=(f"array '{name}' [{2 * frames}, {values.shape[1]}]: read as {rows}",),
+    )
+
+
+def _chosen(content: Variables) -> str | None:
+    return next((name for name in _NAMES if name in content and _fits(content[name])), None)
+
+
+def _fits(array: Any) -> bool:
+    """Whether an array can be [2F, P] with at least two frames."""
+    return (
+        isinstance(array, np.ndarray)
+        and array.dtype.kind in "fiu"
+        and array.ndim == 2
+        and array.shape[0] >= 4
+        and array.shape[0] % 2 == 0
+        and array.shape[1] > 0
+    )
+
+
+def _steps(points: Floats) -> float:
+    """Mean square of the steps from frame to frame of tracks [P, F, 2]."""
+    squares = np.diff(points, axis=1) ** 2
+    seen = np.isfinite(squares)
+    return float(np.where(seen, squares, 0.0).sum() / max(int(seen.sum()), 1))
+
+
+MEASUREMENTS = DataSet(
+    "measurements",
+    "a measurement matrix W [2 frames, tracks] (.mat, .npz, HDF5)",
+    ("matlab", "numpy", "hdf5"),
+    recognises,
+    read,
+)
