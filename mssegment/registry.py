@@ -154,6 +154,7 @@ CAMERAS: Registry[Any] = Registry(
     {
         "kitti": "mssegment.cameras.kitti:KITTI",
         "colmap": "mssegment.cameras.colmap:COLMAP",
+        "camodocal": "mssegment.cameras.camodocal:CAMODOCAL",
         "bare_matrix": "mssegment.cameras.bare_matrix:BARE_MATRIX",
         "matrix_keys": "mssegment.cameras.matrix_keys:MATRIX_KEYS",
         "intrinsics": "mssegment.cameras.intrinsics:INTRINSICS",

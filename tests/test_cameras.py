@@ -9,6 +9,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+import scipy.io
 
 from mssegment.cameras import fitted, read_camera
 from mssegment.errors import ConfigurationError
@@ -108,6 +109,16 @@ KITTI = "".join(
     for i in range(4)
 )
 
+VINS = (
+    "%YAML:1.0\n---\nmodel_type: PINHOLE\ncamera_name: c\nimage_width: 640\nimage_height: 480\n"
+    "distortion_parameters:\n"
+    + "".join(f"   {n}: {v}\n" for n, v in zip(("k1", "k2", "p1", "p2"), BROWN, strict=False))
+    + f"projection_parameters:\n   fx: {FX}\n   fy: {FY}\n   cx: {CX}\n   cy: {CY}\n"
+)
+HLOC = "".join(
+    f"{name} OPENCV 640 480 {FX} {FY} {CX + 0.5} {CY + 0.5} {' '.join(map(str, BROWN[:4]))}\n"
+    for name in ("a.jpg", "b.jpg")
+)
 FILES: dict[str, tuple[str, Write, tuple[float, ...], bool]] = {
     "own": ("c.yaml", text(f"fx: {FX}\nfy: {FY}\ncx: {CX}\ncy: {CY}\n"), (), False),
     "own, tabs": ("c.yaml", text(f"fx:\t{FX}\nfy:\t{FY}\ncx:\t{CX}\ncy:\t{CY}\n"), (), False),
@@ -153,6 +164,44 @@ FILES: dict[str, tuple[str, Write, tuple[float, ...], bool]] = {
     "four numbers": ("k.txt", text(f"{FX} {FY} {CX} {CY}\n"), (), False),
     "npy": ("K.npy", lambda path: np.save(path, K), (), False),
     "npz": ("calib.npz", lambda path: np.savez(path, mtx=K, dist=[BROWN]), BROWN, False),
+    "vins": ("v.yaml", text(VINS), BROWN[:4], True),
+    "ini": (
+        "c.ini",
+        text(f"; a camera\n[left]\nfx = {FX}\nfy = {FY}\ncx = {CX}\ncy = {CY}\nk1 = {BROWN[0]}\n"),
+        BROWN[:1],
+        False,
+    ),
+    "assignments": ("c.txt", text(f"fx={FX}\nfy={FY}\ncx={CX}\ncy={CY}  # px\n"), (), False),
+    "matlab": (
+        "Calib_Results.mat",
+        lambda path: scipy.io.savemat(
+            path, {"KK": K, "kc": np.array(BROWN)[:, None], "nx": 640, "ny": 480, "active": [1, 2]}
+        ),
+        BROWN,
+        True,
+    ),
+    "hloc": ("list.txt#b.jpg", text(HLOC), BROWN[:4], True),
+    "colmap, one line": (
+        "c.txt",
+        text(f"PINHOLE 640 480 {FX} {FY} {CX + 0.5} {CY + 0.5}\n"),
+        (),
+        True,
+    ),
+    "pycolmap": (
+        "c.json",
+        text(
+            json.dumps(
+                SIZED
+                | {
+                    "model": "OPENCV",
+                    "params": [FX, FY, CX + 0.5, CY + 0.5, *BROWN[:4]],
+                    "camera_id": 1,
+                }
+            )
+        ),
+        BROWN[:4],
+        True,
+    ),
     "K and D": ("k.json", text(json.dumps({"K": K.tolist(), "D": BROWN})), BROWN, False),
 }
 
@@ -177,6 +226,9 @@ FISHEYE = {
     "orb-slam": f'Camera1.type: "KannalaBrandt8"\nCamera1.fx: {FX}\nCamera1.fy: {FY}\n'
     f"Camera1.cx: {CX}\nCamera1.cy: {CY}\n"
     + "".join(f"Camera1.k{i}: {k}\n" for i, k in enumerate(KB, 1)),
+    "vins": "%YAML:1.0\n---\nmodel_type: KANNALA_BRANDT\nprojection_parameters:\n"
+    + "".join(f"   k{i}: {k}\n" for i, k in enumerate(KB, 2))
+    + f"   mu: {FX}\n   mv: {FY}\n   u0: {CX}\n   v0: {CY}\n",
     "own": "\n".join(f"{name}: {value}" for name, value in PLAIN.items())
     + f"\ndistortion: {list(KB)}\ndistortion_model: fisheye\n",
 }
@@ -216,6 +268,11 @@ def test_fisheye_points_become_those_of_a_pinhole(rng: np.random.Generator) -> N
         ("800 0 320\n0 800 240\n0 1 1\n", "not a calibration matrix"),
         ("800 40 320\n0 800 240\n0 0 1\n", "skew 40"),
         ("hello\n", "no camera in this file"),
+        (VINS.replace("PINHOLE", "MEI"), "model_type MEI; expected one of PINHOLE"),
+        (VINS.replace(f"fx: {FX}", "fx: wide"), "fx is 'wide'; expected a number"),
+        ("fx = 1\nfx = 2\nfy = 1\n", "option 'fx' .* already exists"),
+        ('{"camera_angle_x": 0.7, "frames": []}', "camera_angle_x without w and h"),
+        ('{"camera_angle_x": 7, "w": 4, "h": 4}', "camera_angle_x is 7; expected radians"),
         ("<calibration><projection>frame</projection><f>800</f></calibration>", "Metashape's own"),
         ("<opencv_storage><broken>", "not XML"),
         ('<!DOCTYPE a [<!ENTITY b "c">]><a>&b;</a>', "DOCTYPE"),
@@ -255,3 +312,10 @@ def test_a_camera_must_be_that_of_the_pictures() -> None:
         fitted(Camera(4.15, 4.15, 2.88, 2.16), 640, 480)
     _, notes = fitted(Camera(800.0, 800.0, 900.0, 239.5), 640, 480)
     assert "principal point (900, 239.5) lies outside" in notes[0]
+
+
+def test_a_field_of_view_is_a_focal_length(tmp_path: Path) -> None:
+    """As in the transforms.json of NeRF's synthetic scenes."""
+    (tmp_path / "c.json").write_text(json.dumps({"camera_angle_x": np.pi / 2, "w": 640, "h": 480}))
+    found = read_camera(str(tmp_path / "c.json"))
+    np.testing.assert_allclose([found.fx, found.fy, found.cx, found.cy], [320, 320, 319.5, 239.5])

@@ -59,7 +59,7 @@ class CameraFile:
 
     @cached_property
     def tree(self) -> Tree:
-        """The named values of JSON, YAML, XML or a numpy archive; empty for any other file.
+        """The named values of JSON, YAML, INI, XML, a numpy archive or a Matlab file, or none.
 
         Raises ConfigurationError if a file that is meant as one of these is damaged.
         """
@@ -67,7 +67,11 @@ class CameraFile:
 
         if self.content[:6] == b"\x93NUMPY" or self.content[:2] == b"PK":
             return trees.of_numpy(self.content, self.name)
+        if self.content[:6] == b"MATLAB":
+            return trees.of_matlab(self.content, self.name)
         start = self.text.lstrip()
+        if trees.is_ini(self.text):
+            return trees.of_ini(self.text, self.name)
         if start.startswith("<"):
             return trees.of_xml(self.text, self.name)
         if start.startswith("{"):
@@ -236,7 +240,10 @@ def matrix_of(value: Any) -> Floats | None:
 
 def size_of(own: Mapping[str, Any]) -> tuple[int, int] | None:
     """Width and height among plain keys; None unless both are there."""
-    names = (("width", "height"), ("imagewidth", "imageheight"), ("w", "h"), ("camerawidth",) * 2)
+    names = (
+        *(("width", "height"), ("imagewidth", "imageheight"), ("w", "h"), ("camerawidth",) * 2),
+        ("nx", "ny"),  # the calibration toolbox of Matlab
+    )
     for width, height in names:
         height = "cameraheight" if width == "camerawidth" else height
         if isinstance(own.get(width), int | float) and isinstance(own.get(height), int | float):

@@ -1,16 +1,23 @@
-"""COLMAP's ``cameras.txt``."""
+"""COLMAP's cameras: ``cameras.txt``, hloc's lists of pictures, pycolmap's dictionaries."""
 
 from __future__ import annotations
 
 import re
 
-from mssegment.cameras.base import CameraFile, CameraFormat, camera
+from mssegment.cameras.base import (
+    CameraFile,
+    CameraFormat,
+    camera,
+    numbers_of,
+    plain_keys,
+    size_of,
+)
 from mssegment.errors import ConfigurationError
 from mssegment.records import Camera
 
 _CENTRE = 0.5
 """COLMAP's centre of the first pixel."""
-_LINE = re.compile(r"(\d+)\s+([A-Z][A-Z_]+)\s+(\d+)\s+(\d+)((?:\s+[-+.\deE]+)+)")
+_LINE = re.compile(r"(?:(\S+)\s+)?([A-Z][A-Z_]+)\s+(\d+)\s+(\d+)((?:\s+[-+.\deE]+)+)")
 _FOCALS = {
     "SIMPLE_PINHOLE": 1,
     "PINHOLE": 2,
@@ -26,7 +33,7 @@ _FOCALS = {
 
 
 def read(file: CameraFile) -> dict[str, Camera]:
-    """The cameras by their identifier.
+    """The cameras by their identifier, or by the picture that they belong to.
 
     Pixel centres, which COLMAP counts from 0.5, are moved to whole numbers. Raises
     ConfigurationError for a camera model that is not known.
@@ -34,14 +41,31 @@ def read(file: CameraFile) -> dict[str, Camera]:
     lines = [line.strip() for line in file.text.splitlines() if not line.lstrip().startswith("#")]
     matches = [_LINE.fullmatch(line) for line in lines if line]
     if not matches or not all(matches):
-        return {}
+        return _of_dictionary(file)
+    found = [match for match in matches if match]
+    # one camera without a name, of one picture
     return {
-        match[1]: _camera(match, f"{file.name}: camera {match[1]}") for match in matches if match
+        match[1] or "": _camera(
+            f"{file.name}: camera {match[1]}" if match[1] else file.name,
+            match[2],
+            (int(match[3]), int(match[4])),
+            [float(word) for word in match[5].split()],
+        )
+        for match in found
     }
 
 
-def _camera(match: re.Match[str], where: str) -> Camera:
-    model, values = match[2], [float(word) for word in match[5].split()]
+def _of_dictionary(file: CameraFile) -> dict[str, Camera]:
+    """The camera that pycolmap writes as ``{model, width, height, params}``."""
+    tree = file.tree
+    model, size = tree.get("model"), size_of(plain_keys(tree))
+    values = numbers_of(tree.get("params")) if "params" in tree else None
+    if not isinstance(model, str) or values is None or size is None:
+        return {}
+    return {"": _camera(file.name, model, size, values.ravel().tolist())}
+
+
+def _camera(where: str, model: str, size: tuple[int, int], values: list[float]) -> Camera:
     if model not in _FOCALS:
         raise ConfigurationError(
             f"{where}: camera model {model}; expected one of {', '.join(_FOCALS)}"
@@ -51,8 +75,7 @@ def _camera(match: re.Match[str], where: str) -> Camera:
         raise ConfigurationError(f"{where}: {len(values)} parameters of {model}; expected more")
     fx, fy = values[0], values[focals - 1]
     cx, cy = (value - _CENTRE for value in values[focals : focals + 2])
-    size = int(match[3]), int(match[4])
     return camera(where, fx, fy, cx, cy, values[focals + 2 :], model, size)
 
 
-COLMAP = CameraFormat("colmap", "COLMAP cameras.txt", read)
+COLMAP = CameraFormat("colmap", "COLMAP cameras.txt, hloc's list of pictures, pycolmap", read)

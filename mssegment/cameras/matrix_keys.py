@@ -21,11 +21,11 @@ from mssegment.records import Camera
 
 _MATRIX = re.compile(
     r"(?:camera(?:intrinsics?)?matrix|intrinsics?matrix|intrinsics?|cameraintrinsics?|calibration"
-    r"matrix|k|kmat|kmatrix|mtx|m)(left|right|l|r|\d*)"
+    r"matrix|k|kk|kmat|kmatrix|mtx|m)(left|right|l|r|\d*)"
 )
 _DISTORTION = (
     *("distortioncoefficients", "distortioncoeffs", "distcoeffs", "distcoefs", "distortion"),
-    *("dist", "d"),
+    *("dist", "d", "kc"),
 )
 
 
@@ -79,6 +79,6 @@ def _distortion(own: Mapping[str, Any], suffix: str) -> list[float]:
 
 MATRIX_KEYS = CameraFormat(
     "matrix_keys",
-    "a named camera matrix (OpenCV FileStorage YAML/XML/JSON, ROS camera_info, Open3D, .npz)",
+    "a named camera matrix (OpenCV FileStorage YAML/XML/JSON, ROS camera_info, Open3D, .npz, .mat)",
     read,
 )

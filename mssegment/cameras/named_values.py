@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Mapping
 from typing import Any
@@ -70,6 +71,8 @@ def camera_of_tree(tree: Tree, where: str) -> Camera | None:
             f"{where}: a calibration in Metashape's own form, whose principal point is counted "
             "from the centre; export it as OpenCV (XML)"
         )
+    if "cameraanglex" in own and "flx" not in own:
+        return _of_angle(own, where)
     names = max(_NAMES, key=lambda names: sum(name in own for name in names))
     present = [name for name in names if name in own]
     if not {names[0], names[1]} & set(present):
@@ -90,6 +93,22 @@ def camera_of_tree(tree: Tree, where: str) -> Camera | None:
     fx, fy, cx, cy = values
     _check_misspelt(own, where)
     return camera(where, fx, fy, cx, cy, _distortion(own, where, model), model, size_of(own))
+
+
+def _of_angle(own: Mapping[str, Any], where: str) -> Camera:
+    """The camera of NeRF's ``camera_angle_x``, the horizontal field of view in radians."""
+    angle, size = numbers_of(own["cameraanglex"]), size_of(own)
+    if angle is None or angle.size != 1 or not 0 < float(angle) < math.pi:
+        raise ConfigurationError(
+            f"{where}: camera_angle_x is {own['cameraanglex']!r}; expected radians, between 0 and "
+            "3.14"
+        )
+    if size is None:
+        raise ConfigurationError(
+            f"{where}: camera_angle_x without w and h: add the size of the pictures in pixels"
+        )
+    focal = 0.5 * size[0] / math.tan(0.5 * float(angle))
+    return camera(where, focal, focal, 0.5 * (size[0] - 1), 0.5 * (size[1] - 1), size=size)
 
 
 def _check_misspelt(own: Mapping[str, Any], where: str) -> None:

@@ -1,4 +1,4 @@
-"""YAML, XML and numpy archives as trees of named values."""
+"""YAML, INI, XML, numpy archives and Matlab files as trees of named values."""
 
 from __future__ import annotations
 
@@ -8,8 +8,75 @@ from typing import Any
 
 import numpy as np
 
-from mssegment.errors import ConfigurationError
+from mssegment.errors import ConfigurationError, DataError
 from mssegment.inputs.numpy_headers import check_arrays
+
+_SECTION = re.compile(r"\s*\[[^\]\[]+\]\s*")
+_ASSIGNMENT = re.compile(r"\s*[A-Za-z_][\w. -]*\s*=\s*[^=]*")
+_INI_COMMENT = ("#", ";", "%", "//")
+
+
+def is_ini(text: str) -> bool:
+    """Whether every line is ``[section]``, ``key = value`` or a comment."""
+    lines = [line for line in text.splitlines() if line.strip()]
+    lines = [line for line in lines if not line.lstrip().startswith(_INI_COMMENT)]
+    return any("=" in line for line in lines) and all(
+        _SECTION.fullmatch(line) or _ASSIGNMENT.fullmatch(line) for line in lines
+    )
+
+
+def of_ini(text: str, name: str) -> dict[str, Any]:
+    """The values of ``key = value`` lines, those of a section as a mapping.
+
+    Raises ConfigurationError if a key or section stands twice.
+    """
+    import configparser
+
+    head = "\0"
+    parser = configparser.ConfigParser(
+        comment_prefixes=_INI_COMMENT, inline_comment_prefixes=("#", ";"), interpolation=None
+    )
+    try:
+        parser.read_string(f"[{head}]\n{text}")
+    except configparser.Error as error:
+        raise ConfigurationError(f"{name}: {' '.join(str(error).split())}") from None
+    found: dict[str, Any] = {key: _number_or_text(value) for key, value in parser[head].items()}
+    for section in parser.sections():
+        if section != head:
+            found[section] = {k: _number_or_text(v) for k, v in parser[section].items()}
+    return found
+
+
+def _number_or_text(value: str) -> Any:
+    try:
+        return float(value.rstrip(";"))
+    except ValueError:
+        return value
+
+
+def of_matlab(content: bytes, name: str) -> dict[str, Any]:
+    """The variables of a Matlab file, single numbers as such.
+
+    Raises ConfigurationError if it cannot be read.
+    """
+    from mssegment.datasets.containers import InputFile
+    from mssegment.datasets.matlab import load_matlab
+
+    try:
+        variables = load_matlab(InputFile(name, content))
+    except DataError as error:
+        raise ConfigurationError(str(error)) from None
+    return {
+        key: value.item() if isinstance(value, np.ndarray) and value.size == 1 else _listed(value)
+        for key, value in variables.items()
+    }
+
+
+def _listed(value: Any) -> Any:
+    """Arrays of numbers as lists, structs as mappings of the same."""
+    if isinstance(value, dict):
+        return {key: _listed(own) for key, own in value.items()}
+    return value.tolist() if isinstance(value, np.ndarray) else value
 
 
 def of_yaml(text: str, name: str) -> dict[str, Any]:
