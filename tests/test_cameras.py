@@ -319,3 +319,24 @@ def test_a_field_of_view_is_a_focal_length(tmp_path: Path) -> None:
     (tmp_path / "c.json").write_text(json.dumps({"camera_angle_x": np.pi / 2, "w": 640, "h": 480}))
     found = read_camera(str(tmp_path / "c.json"))
     np.testing.assert_allclose([found.fx, found.fy, found.cx, found.cy], [320, 320, 319.5, 239.5])
+
+
+@pytest.mark.parametrize(
+    "key",
+    [
+        "dist_coeff",
+        "distCoeffs",
+        "distortion_coefficients",
+        "dist",
+        "D",
+        "distortionParams",
+        "coeffs",
+    ],
+)
+@pytest.mark.parametrize("as_matrix", [False, True])
+def test_distortion_is_never_lost_by_the_name_of_its_key(
+    tmp_path: Path, key: str, as_matrix: bool
+) -> None:
+    known = {"camera_matrix": K.tolist()} if as_matrix else PLAIN
+    (tmp_path / "c.json").write_text(json.dumps({**known, key: [BROWN]}))
+    np.testing.assert_allclose(read_camera(str(tmp_path / "c.json")).distortion, BROWN)

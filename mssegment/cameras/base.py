@@ -27,6 +27,11 @@ _FISHEYE = (
     *("fisheye", "equidistant", "equi", "kannalabrandt", "kannalabrandt4", "kannalabrandt8"),
     *("kb4", "kb8", "opencvfisheye", "simpleradialfisheye", "radialfisheye"),
 )
+_DISTORTION = re.compile(
+    r"(?:(?:camera|lens)?dist(?:ortion)?(?:coef(?:f|fs|s|ficients?)?|param(?:s|eters?)?|vector|array)?"
+    r"|coeffs|kc|d)(?P<suffix>left|right|l|r|\d*)"
+)
+"""Plain keys of lists of distortion coefficients."""
 LARGEST_SKEW_SHIFT = 0.5
 """Skew that moves no point of the picture by more than this, in pixels, is left out."""
 
@@ -252,6 +257,23 @@ def size_of(own: Mapping[str, Any]) -> tuple[int, int] | None:
         found = numbers_of(own.get(name)) if name in own else None
         if found is not None and found.shape == (2,):
             return int(found[0]), int(found[1])
+    return None
+
+
+def distortion_of(own: Mapping[str, Any], where: str, suffix: str = "") -> list[float] | None:
+    """The list of distortion coefficients among plain keys; None if there is none.
+
+    ``suffix`` is what follows the name of the camera, as in D1. Raises ConfigurationError for
+    a list that is not of numbers.
+    """
+    for name, value in own.items():
+        match = _DISTORTION.fullmatch(name)
+        if match is None or match["suffix"] != suffix or value is None:
+            continue
+        found = None if isinstance(value, str) and not value.strip() else numbers_of(value)
+        if found is None:
+            raise ConfigurationError(f"{where}: {name} is {value!r}; expected numbers")
+        return [float(number) for number in found.ravel()]
     return None
 
 

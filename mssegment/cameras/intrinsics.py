@@ -9,6 +9,7 @@ from mssegment.cameras.base import (
     CameraFormat,
     Tree,
     camera,
+    distortion_of,
     model_of,
     numbers_of,
     plain,
@@ -42,9 +43,7 @@ def _camera(tree: Tree, where: str) -> Camera | None:
             f"{where}: camera model {kind} with {len(values)} intrinsics; expected pinhole with "
             "fu, fv, pu, pv (calibrate again with pinhole-radtan or pinhole-equi)"
         )
-    names = ("distortioncoeffs", "distortioncoefficients", "distortion")
-    distortion = next((numbers_of(own[name]) for name in names if name in own), None)
-    coefficients = [] if distortion is None else distortion.ravel().tolist()
+    coefficients = distortion_of(own, where) or []
     fu, fv, pu, pv = values.tolist()
     return camera(where, fu, fv, pu, pv, coefficients, model_of(own), size_of(own))
 

@@ -11,9 +11,9 @@ from mssegment.cameras.base import (
     CameraFormat,
     Tree,
     camera_of_matrix,
+    distortion_of,
     matrix_of,
     model_of,
-    numbers_of,
     plain_keys,
     size_of,
 )
@@ -22,10 +22,6 @@ from mssegment.records import Camera
 _MATRIX = re.compile(
     r"(?:camera(?:intrinsics?)?matrix|intrinsics?matrix|intrinsics?|cameraintrinsics?|calibration"
     r"matrix|k|kk|kmat|kmatrix|mtx|m)(left|right|l|r|\d*)"
-)
-_DISTORTION = (
-    *("distortioncoefficients", "distortioncoeffs", "distcoeffs", "distcoefs", "distortion"),
-    *("dist", "d", "kc"),
 )
 
 
@@ -61,20 +57,12 @@ def cameras_of_tree(tree: Tree, where: str) -> dict[str, Camera]:
         suffix: camera_of_matrix(
             matrix,
             f"{where}: {suffix}" if suffix else where,
-            _distortion(own, suffix),
+            distortion_of(own, where, suffix) or (),
             model_of(own),
             size_of(own),
         )
         for suffix, matrix in matrices.items()
     }
-
-
-def _distortion(own: Mapping[str, Any], suffix: str) -> list[float]:
-    for name in _DISTORTION:
-        found = numbers_of(own.get(name + suffix)) if name + suffix in own else None
-        if found is not None:
-            return [float(value) for value in found.ravel()]
-    return []
 
 
 MATRIX_KEYS = CameraFormat(

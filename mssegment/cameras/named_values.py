@@ -12,6 +12,7 @@ from mssegment.cameras.base import (
     CameraFormat,
     Tree,
     camera,
+    distortion_of,
     model_of,
     numbers_of,
     plain_keys,
@@ -32,14 +33,6 @@ _NAMES = (
 )
 _COEFFICIENTS = ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6")
 _FISHEYE = ("k1", "k2", "k3", "k4")
-_LISTS = (
-    "distortion",
-    "distortioncoefficients",
-    "distortioncoeffs",
-    "coeffs",
-    "distcoeffs",
-    "dist",
-)
 _ORB_SLAM = re.compile(r"(camera\d*)\.(\w+)", re.IGNORECASE)
 
 
@@ -117,17 +110,14 @@ def _check_misspelt(own: Mapping[str, Any], where: str) -> None:
 
     for key in own:
         near = difflib.get_close_matches(key, ["distortion"], cutoff=0.8)
-        if near and key not in (*_LISTS, "distortionmodel", "distortiontype"):
+        if near and key not in ("distortion", "distortionmodel", "distortiontype"):
             raise ConfigurationError(f"{where}: unknown key {key}; did you mean distortion?")
 
 
 def _distortion(own: Mapping[str, Any], where: str, model: str | None) -> list[float]:
-    for name in _LISTS:
-        if name in own and own[name] is not None:
-            found = numbers_of(own[name])
-            if found is None:
-                raise ConfigurationError(f"{where}: {name} is {own[name]!r}; expected numbers")
-            return [float(value) for value in found.ravel()]
+    listed = distortion_of(own, where)
+    if listed is not None:
+        return listed
     is_fisheye = "p1" not in own and model is not None
     order = _FISHEYE if is_fisheye and "k3" in own else _COEFFICIENTS
     values = []
