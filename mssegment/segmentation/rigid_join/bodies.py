@@ -22,6 +22,11 @@ from mssegment.geometry.epipolar_fit import (
 )
 from mssegment.models import Flags
 from mssegment.records import Floats, Record
+from mssegment.segmentation.rigid_join.depths import (
+    DepthEvidence,
+    EpipolarCoordinates,
+    middle_and_relief,
+)
 from mssegment.segmentation.rigid_join.epipoles import EpipoleTable, Parallax
 from mssegment.segmentation.rigid_join.residuals import noise_of_groups
 from mssegment.segmentation.selection import Body
@@ -38,6 +43,8 @@ SAMPLED_MATCHES = 200
 """Matches of a group that are looked at."""
 SCALE_OF_NOISE = 1.16
 """Scale of the distribution of parallax, over the noise."""
+OVERFIT = 0.5
+"""Nats that a fitted parameter gains on noise."""
 PARAMETERS_APART = 3.0
 """Parameters that a plane of its own has beyond the plane of the body with the same epipole."""
 
@@ -155,6 +162,8 @@ def _body_of_first(groups: Sequence[_Group], scale: float) -> _Hypothesis:
     waiting = [tuple(range(count))]
     if count > 2:
         waiting += [(0, k) for k in range(1, count)]
+    if count > 3:
+        waiting += [tuple(j for j in range(count) if j != k) for k in range(1, count)]
     tried: set[tuple[int, ...]] = set()
     while waiting and count > 1:
         fitted_to = waiting.pop(0)
@@ -197,25 +206,37 @@ def _members(groups: Sequence[_Group], fitted_to: Sequence[int], scale: float) -
     """The groups that belong to the first one with the epipolar geometry of some of them."""
     fit = min(_fits([groups[k] for k in fitted_to], scale), key=lambda fit: fit.cost)
     table, apart = _table(groups, fit, scale)
+    depths = _depths(groups, fit, scale)
     total = table.values[:, 0] + np.maximum(table.values[:, 1:], apart[1:]).sum(axis=1)
     at = int(total.argmax())
     members = [k for k in range(1, len(groups)) if table.values[at, k] > apart[k]]
     while members:
         evidence = table.log_mean([0, *members])
         total_gain = evidence - float(apart[[0, *members]].sum())
+        others = {k: [0, *(m for m in members if m != k)] for k in members}
         gains = [
-            evidence - table.log_mean([0, *(m for m in members if m != k)]) - apart[k]
+            (total_gain if len(members) == 1 else evidence - table.log_mean(others[k]) - apart[k])
+            + depths.gain(k, others[k])
             for k in members
         ]
-        if len(members) == 1:
-            gains = [total_gain]
         weakest = int(np.argmin(gains))
         if gains[weakest] > MIN_EVIDENCE:
-            break
+            total_gain += depths.total([0, *members])
+            return _Hypothesis(tuple(members) if total_gain > MIN_EVIDENCE else (), total_gain)
         members.pop(weakest)
-    if not members or total_gain < MIN_EVIDENCE:
-        return _Hypothesis((), 0.0)
-    return _Hypothesis(tuple(members), total_gain)
+    return _Hypothesis((), 0.0)
+
+
+def _depths(groups: Sequence[_Group], fit: EpipolarFit, scale: float) -> DepthEvidence:
+    """The depths of the groups under one epipolar geometry."""
+    reference = groups[0]
+    coordinates = EpipolarCoordinates.of(fit, reference.first, reference.second, scale)
+    found = [
+        middle_and_relief(group.first, coordinates.inverse_depth(group.first, group.second), scale)
+        for group in groups
+    ]
+    middles, reliefs = np.array(found).T
+    return DepthEvidence(middles, reliefs, scale)
 
 
 def _evidence_apart(group: _Group, places: Floats, scale: float) -> float:
@@ -228,4 +249,5 @@ def _evidence_apart(group: _Group, places: Floats, scale: float) -> float:
     difference = difference - quantile(difference.T, 0.5)
     distance = math.sqrt(float((difference**2).sum(axis=1).mean()))
     precision = scale / math.sqrt(min(group.size, INDEPENDENT_MATCHES))
-    return group.own - PARAMETERS_APART * max(0.0, math.log(max(distance, 1e-300) / precision))
+    orders = max(0.0, math.log(max(distance, 1e-300) / precision))
+    return group.own - PARAMETERS_APART * (OVERFIT + orders)
