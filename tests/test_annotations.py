@@ -175,6 +175,32 @@ def test_masks_of_every_kind(tmp_path: Path, kind: str) -> None:
     np.testing.assert_array_equal(found.mask, mask())
 
 
+def test_masks_as_arrays(tmp_path: Path) -> None:
+    np.save(tmp_path / "labels.npy", mask().astype(np.int32))
+    np.save(tmp_path / "objects.npy", np.stack([mask() == 1, mask() == 2]))
+    for name in ("labels", "objects"):
+        (found,) = read_annotations([str(tmp_path / f"{name}.npy")]).frames
+        np.testing.assert_array_equal(found.mask, mask())
+
+
+@pytest.mark.parametrize(
+    ("array", "words"),
+    [
+        (np.zeros((2, 3, 4)), r"an array 2x3x4 of float64; expected labels \[height, width\]"),
+        (np.zeros((3, 4, 3), np.uint8), "an array 3x4x3 of uint8"),
+        (np.full((3, 4), -1), "an array 3x4 of int64"),
+        (np.full((3, 4), 10**6), "found 1000000; expected labels up to 65535"),
+        (np.zeros((0, 4), np.uint8), "an array 0x4 of uint8"),
+        (np.zeros((0, 3, 4), bool), "an array 0x3x4 of bool"),
+        (np.array([[{}]]), "not a readable numpy file"),
+    ],
+)
+def test_arrays_that_are_no_masks(tmp_path: Path, array: np.ndarray, words: str) -> None:
+    np.save(tmp_path / "m.npy", array)
+    with pytest.raises(DataError, match=words):
+        read_annotations([str(tmp_path / "m.npy")])
+
+
 @pytest.mark.parametrize("depth", [1, 8, 16])
 def test_black_and_white_is_one_object(tmp_path: Path, depth: int) -> None:
     object_ = mask() == 1

@@ -1,7 +1,8 @@
-"""Mask images: indices, grey values, colours, black and white."""
+"""Mask images: indices, grey values, colours, black and white; and masks as arrays of numpy."""
 
 from __future__ import annotations
 
+import io
 import struct
 import zlib
 from collections.abc import Sequence
@@ -12,12 +13,16 @@ import numpy as np
 from mssegment.annotations.base import IGNORE, Annotations, LabelledFrame
 from mssegment.errors import DataError
 from mssegment.imaging.pictures import decode, looks_like_picture, read_bytes
+from mssegment.inputs import limits
+from mssegment.inputs.numpy_headers import check_arrays
 from mssegment.records import Integers
 from mssegment.special import distinct
 
 MOST_COLOURS = 254
 VOID = (192, 224, 224)
 """Blue, green, red of PASCAL VOC's void, which is ignored."""
+LARGEST_VALUE = 65535
+"""Largest label of an array: that of a picture of 16 bits."""
 _FEWEST_SOFT = 4
 """A mask with fewer values than this is not called soft."""
 
@@ -63,12 +68,14 @@ def read_masks(paths: Sequence[str]) -> Annotations:
 def _stored(path: str) -> Integers:
     """The labels [h, w], or the colours [h, w, 3] where the channels differ."""
     content = read_bytes(path)
+    if content.startswith(b"\x93NUMPY"):
+        return _of_array(content, path)
     if content.startswith(b"\xff\xd8"):
         raise DataError(f"{path}: a JPEG, which blurs the values of labels; save the mask as PNG")
     if not looks_like_picture(path, content[:16]):
         raise DataError(
-            f"{path}: not a mask image; expected PNG, TIFF, ... masks, a table of labelled points, "
-            "labelme or COCO JSON, or CVAT XML"
+            f"{path}: not a mask image; expected PNG, TIFF, .npy, ... masks, a table of labelled "
+            "points, labelme or COCO JSON, or CVAT XML"
         )
     mask = np.asarray(decode(path, as_indices(content)))
     if mask.dtype.kind not in "ui":
@@ -82,6 +89,34 @@ def _stored(path: str) -> Integers:
     labels = np.asarray(mask, dtype=np.int64)
     # an index of 1, 2 or 4 bits was decoded as a grey value that fills 8 bits
     return labels // (255 // (2**depth - 1)) if depth in (1, 2, 4) else labels
+
+
+def _of_array(content: bytes, path: str) -> Integers:
+    """The labels [h, w] of an array of whole numbers, or of one truth value per object and pixel.
+
+    Of objects [n, h, w] that overlap, the last one counts.
+    """
+    check_arrays(content, path, DataError)
+    try:
+        array = np.load(io.BytesIO(content), allow_pickle=False)
+    except (ValueError, EOFError, OSError) as error:
+        reason = " ".join(str(error).split())
+        raise DataError(f"{path}: not a readable numpy file ({reason})") from None
+    limits.check("stack_pixels", array.size, path)
+    if array.dtype.kind == "b" and array.ndim in (2, 3) and 0 not in array.shape:
+        mask = np.zeros(array.shape[-2:], dtype=np.int64)
+        for number, region in enumerate(array.reshape(-1, *mask.shape), start=1):
+            mask[region] = number
+        return mask
+    if array.dtype.kind not in "ui" or array.ndim != 2 or not array.size or array.min() < 0:
+        shape = "x".join(map(str, array.shape))
+        raise DataError(
+            f"{path}: an array {shape} of {array.dtype}; expected labels [height, width], whole "
+            "numbers from 0, or truth values [objects, height, width]"
+        )
+    if array.max() > LARGEST_VALUE:
+        raise DataError(f"{path}: found {array.max()}; expected labels up to {LARGEST_VALUE}")
+    return np.asarray(array, dtype=np.int64)
 
 
 def palette_depth(content: bytes) -> int:
