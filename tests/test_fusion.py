@@ -24,8 +24,9 @@ def poses(rng, n=200, outliers=0.6, unit=1.0):
     noise = Rotation.from_rotvec(0.02 * rng.standard_normal((good, 3))).as_matrix()
     points[:good, :3, :3] = true[:3, :3] @ noise
     points[:good, :3, 3] = true[:3, 3] + 0.05 * unit * rng.standard_normal((good, 3))
-    anywhere = Rotation.random(n - good, random_state=int(rng.integers(1 << 30)))
-    points[good:, :3, :3] = anywhere.as_matrix()
+    seed = int(rng.integers(1 << 30))
+    if n > good:
+        points[good:, :3, :3] = Rotation.random(n - good, random_state=seed).as_matrix()
     points[good:, :3, 3] = unit * rng.uniform(-5, 5, (n - good, 3))
     return points, true, good
 

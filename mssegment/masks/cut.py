@@ -93,10 +93,11 @@ def minimum_cut(
     from scipy.sparse.csgraph import breadth_first_order, maximum_flow
 
     whole = np.round(cost * UNIT).astype(np.int32).ravel()
-    index = np.arange(cost.size).reshape(cost.shape)
+    # older versions of SciPy take no other kind of index
+    index = np.arange(cost.size, dtype=np.int32).reshape(cost.shape)
     keep, take = cost.size, cost.size + 1
-    dear, cheap = np.flatnonzero(whole > 0), np.flatnonzero(whole < 0)
-    rows, columns = [np.full(len(dear), keep), cheap], [dear, np.full(len(cheap), take)]
+    dear, cheap = index.ravel()[whole > 0], index.ravel()[whole < 0]
+    rows, columns = [np.full_like(dear, keep), cheap], [dear, np.full_like(cheap, take)]
     capacities = [whole[dear], -whole[cheap]]
     for first, second, price in (
         (index[:, :-1], index[:, 1:], across),
