@@ -8,7 +8,7 @@ MINUTES ?= 0.5
 # The time of the last commit: the same sources give the same bytes
 EPOCH = $(shell git log -1 --format=%ct 2>/dev/null || echo 1577836800)
 
-.PHONY: help demo test lint fuzz docs dist pictures benchmarks clean
+.PHONY: help demo test oldest lint fuzz docs dist pictures benchmarks clean
 .DEFAULT_GOAL := help
 
 help: ## list the targets
@@ -34,6 +34,17 @@ demo: $(VENV)/.installed ## make the environment, segment the three sample scene
 
 test: $(VENV)/.extra-$(EXTRAS) ## run all tests, doctests included
 	$(BIN)/python -m pytest
+
+$(VENV)-oldest/.installed: pyproject.toml
+	$(PYTHON) -m venv $(VENV)-oldest
+	$(VENV)-oldest/bin/python -m pip install --quiet --upgrade pip
+	$(VENV)-oldest/bin/python -m pip install --quiet --editable '.[dev]'
+	sed -n '/^dependencies/,/^]/s/.*"\(.*\)>=\(.*\)".*/\1==\2.*/p' pyproject.toml | \
+		xargs $(VENV)-oldest/bin/python -m pip install --quiet
+	@touch $@
+
+oldest: $(VENV)-oldest/.installed ## run all tests with the oldest packages that pyproject.toml allows
+	$(VENV)-oldest/bin/python -m pytest
 
 lint: $(VENV)/.extra-$(EXTRAS) ## formatting, lint, types
 	$(BIN)/ruff format --check .
@@ -63,4 +74,4 @@ benchmarks: $(VENV)/.extra-$(EXTRAS) ## the paper's set-ups; see docs/benchmarks
 	$(BIN)/python -m benchmarks.paper
 
 clean: ## remove the environment and all results
-	rm -rf $(VENV) $(OUT) dist site
+	rm -rf $(VENV) $(VENV)-oldest $(OUT) dist site
