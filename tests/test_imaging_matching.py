@@ -14,11 +14,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mssegment.errors import ConfigurationError, DataError, UsageError
-from mssegment.imaging.corners import detect, detect_all, select_apart
+from mssegment.imaging import pyramid
+from mssegment.imaging.corners import detect, detect_all, harris, select_apart
 from mssegment.imaging.frames import open_frames
 from mssegment.imaging.matching import MATCHERS, default_matcher, match
 from mssegment.imaging.matching.lucas_kanade import Windows, correlations, register
 from mssegment.imaging.matching.nearest import mutual
+from mssegment.imaging.matching.orientation import dominant_directions
+from mssegment.imaging.matching.pyramid_corners import with_pyramid
 from mssegment.imaging.pyramid import build_pyramid
 from mssegment.records import Floats, Frame
 
@@ -417,3 +420,18 @@ def test_even_corners_leave_no_part_of_the_picture_out(rng: np.random.Generator)
     assert 0.3 < (even[:, 0] > 165).mean() < 0.7
     left_out = set(map(tuple, detect(picture, levels=1, limit=5000, distance=5).points))
     assert set(map(tuple, even)) <= left_out
+
+
+def test_large_pictures_in_strips_are_what_they_are_whole(
+    rng: np.random.Generator, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    grey = cv2.GaussianBlur(rng.uniform(0, 255, (150, 97)).astype(np.float32), (0, 0), 1.2)
+    corners = detect(grey, levels=3, limit=400)
+    whole = harris(grey), dominant_directions(with_pyramid(grey, corners))
+    monkeypatch.setattr(pyramid, "STRIP_PIXELS", 97 * 23)
+    assert len(list(pyramid.strips(grey.shape, 9))) == 7
+    np.testing.assert_array_equal(harris(grey), whole[0])
+    for strip, expected in zip(
+        dominant_directions(with_pyramid(grey, corners)), whole[1], strict=True
+    ):
+        np.testing.assert_array_equal(strip, expected)

@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from mssegment.errors import DataError
 from mssegment.imaging.pictures import GreyPicture
-from mssegment.imaging.pyramid import Level, build_pyramid, size_unit
+from mssegment.imaging.pyramid import Level, build_pyramid, size_unit, strips
 from mssegment.imaging.threads import threads_for
 from mssegment.neighbours import pairs_within
 from mssegment.progress import track
@@ -31,6 +31,8 @@ In 30 ordinary pictures the ratio is 2 to 13, so that nothing changes there; tha
 into fog is millions."""
 INTEGRATION_SIGMA = 1.0
 """Pixels; the Gaussian over which the products of gradients are summed."""
+HARRIS_MARGIN = 8
+"""Rows around a strip that are enough for its response: 1 of the gradient and 4 of the Gaussian."""
 MAXIMA_WINDOW = 5
 """Side in pixels of the window in which a corner is the maximum."""
 LEVELS_TWO_VIEWS = 4
@@ -164,8 +166,17 @@ def detect_all(
 def harris(grey: GreyPicture) -> npt.NDArray[np.float32]:
     """The Harris response det(M) - k tr(M)**2 of every pixel, [height, width].
 
-    M is the matrix of products of gradients, smoothed by a Gaussian of sigma 1 pixel.
+    M is the matrix of products of gradients, smoothed by a Gaussian of sigma 1 pixel. Large
+    pictures are worked on in strips, which bounds the memory.
     """
+    response = np.empty(grey.shape, np.float32)
+    for rows, around, inside in strips(grey.shape, HARRIS_MARGIN):
+        response[rows] = _harris(grey[around])[inside]
+    return response
+
+
+def _harris(grey: GreyPicture) -> npt.NDArray[np.float32]:
+    """``harris`` of a whole picture or a strip of one."""
     # four arrays are reused throughout: allocating memory takes longer than the arithmetic
     xx = np.asarray(cv2.Scharr(grey, cv2.CV_32F, 1, 0, scale=1 / 32), np.float32)
     yy = np.asarray(cv2.Scharr(grey, cv2.CV_32F, 0, 1, scale=1 / 32), np.float32)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 
 import cv2
 import numpy as np
@@ -11,6 +12,8 @@ from mssegment.imaging.pictures import GreyPicture
 from mssegment.records import Floats, Record
 
 FACTOR = 2**0.5
+STRIP_PIXELS = 1 << 22
+"""Pixels of a picture that are worked on at a time."""
 MIN_LEVEL_SIDE = 16
 """Pixels; levels stop before a side falls below this."""
 
@@ -42,6 +45,20 @@ class Level(Record, frozen=True):
     def from_picture(self, points: Floats) -> Floats:
         """Positions [..., 2] in the original as positions on this level."""
         return np.asarray((points + 0.5) / self.ratio - 0.5)
+
+
+def strips(shape: tuple[int, ...], margin: int) -> Iterator[tuple[slice, slice, slice]]:
+    """Rows of a large picture at a time, so that what is computed from them needs little memory.
+
+    Yields the rows of each strip; the rows around it, with a margin that a filter needs; and where
+    the strip lies among these. A picture of up to ``STRIP_PIXELS`` is one strip.
+    """
+    height, width = shape
+    rows = height if height * width <= STRIP_PIXELS else max(1, STRIP_PIXELS // width)
+    for start in range(0, height, rows):
+        stop = min(start + rows, height)
+        low, high = max(start - margin, 0), min(stop + margin, height)
+        yield slice(start, stop), slice(low, high), slice(start - low, stop - low)
 
 
 def size_unit(grey: GreyPicture) -> float:

@@ -7,7 +7,8 @@ import numpy as np
 
 from mssegment.imaging.matching.pyramid_corners import PyramidCorners
 from mssegment.imaging.matching.resampling import Floats32, Indices, runs_of_level
-from mssegment.imaging.pyramid import Level
+from mssegment.imaging.pictures import GreyPicture
+from mssegment.imaging.pyramid import Level, strips
 from mssegment.records import Floats
 
 DISC_RADIUS = 8
@@ -40,8 +41,20 @@ def dominant_directions(corners: PyramidCorners) -> tuple[Indices, Floats]:
 
 def _histograms(level: Level, points: Floats) -> Floats32:
     """Histograms [n, 36] of the gradients on a level, around points in pixels of the picture."""
-    gx = cv2.Scharr(level.grey, cv2.CV_32F, 1, 0)
-    gy = cv2.Scharr(level.grey, cv2.CV_32F, 0, 1)
+    centres = np.rint(level.from_picture(points)).astype(np.intp)
+    counts = np.empty((len(points), DIRECTION_BINS), np.float32)
+    for rows, around, inside in strips(level.grey.shape, DISC_RADIUS + 1):
+        chosen = np.flatnonzero((centres[:, 1] >= rows.start) & (centres[:, 1] < rows.stop))
+        if len(chosen):
+            moved = centres[chosen] - [0, rows.start - inside.start]
+            counts[chosen] = _histograms_of(level.grey[around], moved)
+    return counts
+
+
+def _histograms_of(grey: GreyPicture, centres: Indices) -> Floats32:
+    """Histograms [n, 36] of the gradients around pixels [n, 2] of a picture or a strip of one."""
+    gx = cv2.Scharr(grey, cv2.CV_32F, 1, 0)
+    gy = cv2.Scharr(grey, cv2.CV_32F, 0, 1)
     # cv2.phase and cv2.magnitude, and in OpenCV 4.8 the magnitude of cartToPolar too, differ in the
     # last bits from run to run: they depend on where an array lies in memory
     _, angle = cv2.cartToPolar(gx, gy)
@@ -55,11 +68,10 @@ def _histograms(level: Level, points: Floats) -> Floats32:
     )
     dx, dy = _disc()
     weights = np.exp(-2.0 * (dx * dx + dy * dy) / DISC_RADIUS**2).astype(np.float32)
-    width = level.grey.shape[1] + 2 * pad
-    centres = np.rint(level.from_picture(points)).astype(np.intp) + pad
-    first, around = centres[:, 1] * width + centres[:, 0], dy * width + dx
-    counts = np.empty((len(points), DIRECTION_BINS), np.float32)
-    for start in range(0, len(points), CORNERS_PER_BLOCK):
+    width = grey.shape[1] + 2 * pad
+    first, around = (centres[:, 1] + pad) * width + centres[:, 0] + pad, dy * width + dx
+    counts = np.empty((len(centres), DIRECTION_BINS), np.float32)
+    for start in range(0, len(centres), CORNERS_PER_BLOCK):
         where = first[start : start + CORNERS_PER_BLOCK, None] + around
         slots = bin_of.take(where) + (np.arange(len(where)) * DIRECTION_BINS)[:, None]
         values = size.take(where) * weights
