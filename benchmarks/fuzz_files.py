@@ -44,6 +44,15 @@ def _write_tables(folder: Path, first: Any, second: Any) -> None:
     np.save(folder / "t.npy", tracks)
     np.savez_compressed(folder / "t.npz", tracks=tracks, visible=np.ones((60, 5)))
     (folder / "t.json").write_text(json.dumps({"tracks": tracks.tolist()}))
+    listed = [
+        {"id": i, "frames": list(range(5)), "points": o.tolist()} for i, o in enumerate(tracks)
+    ]
+    (folder / "l.json").write_text(json.dumps({"tracks": listed}))
+    head = ["time", *(f"p{p} {axis}" for p in range(60) for axis in "xy")]
+    times = [[f, *tracks[:, f].ravel()] for f in range(5)]
+    (folder / "r.csv").write_text("\n".join(";".join(map(str, row)) for row in [head, *times]))
+    np.savez(folder / "w.npz", W=tracks.transpose(1, 2, 0).reshape(10, 60))
+    np.savez(folder / "k.npz", kptsA=first, kptsB=second.T)
     from scipy.io import savemat  # slow to import
 
     savemat(folder / "t.mat", {"tracks": tracks, "s": {"a": "text"}}, do_compression=True)
@@ -89,6 +98,7 @@ def _write_labels(folder: Path) -> None:
     mask = np.zeros((200, 200), np.uint8)
     mask[:100], mask[100:] = 1, 2
     cv2.imwrite(str(folder / "mask-1.png"), mask)
+    np.save(folder / "mask.npy", mask)
     square = [[10, 10], [150, 10], [150, 150], [10, 150]]
     shapes = [{"label": "a", "points": square, "shape_type": "polygon", "group_id": None}]
     labelme = {"shapes": shapes, "imagePath": "m-0.png", "imageWidth": 200, "imageHeight": 200}
@@ -116,6 +126,11 @@ def _write_labels(folder: Path) -> None:
 def _write_cameras(folder: Path) -> None:
     own = {"fx": 200, "fy": 200, "cx": 100, "cy": 100, "distortion": [0.1, 0, 0, 0]}
     (folder / "camera.yaml").write_text(yaml.safe_dump(own))
+    (folder / "camera.ini").write_text("[left]\nfx = 200\nfy = 200\ncx = 100\ncy = 100\nk1 = 0.1\n")
+    (folder / "vins.yaml").write_text(
+        "%YAML:1.0\nmodel_type: KANNALA_BRANDT\nimage_width: 200\nimage_height: 200\n"
+        "projection_parameters:\n   k2: 0.1\n   mu: 200\n   mv: 200\n   u0: 100\n   v0: 100\n"
+    )
     (folder / "camera.json").write_text(json.dumps({"K": [200, 0, 100, 0, 200, 100, 0, 0, 1]}))
     matrix = "<K type_id='opencv-matrix'><rows>3</rows><cols>3</cols><dt>d</dt>"
     data = "<data>200 0 100 0 200 100 0 0 1</data></K>"

@@ -144,7 +144,9 @@ def _documents(folder: Path) -> st.SearchStrategy[Case]:
 
 
 def _tables(folder: Path) -> st.SearchStrategy[Case]:
-    return _on(_mutations(folder, ["m.csv", "s.csv", "t.xml"]), lambda name: ["import", name])
+    return _on(
+        _mutations(folder, ["m.csv", "s.csv", "r.csv", "t.xml"]), lambda name: ["import", name]
+    )
 
 
 def _cells(folder: Path) -> st.SearchStrategy[Case]:
@@ -163,8 +165,10 @@ def _cells(folder: Path) -> st.SearchStrategy[Case]:
 
 def _arrays(folder: Path) -> st.SearchStrategy[Case]:
     return st.one_of(
-        _on(_mutations(folder, ["t.npy", "t.npz"]), lambda name: ["import", name]),
-        _on(_mutations(folder, ["t.json"], is_json=True), lambda name: ["import", name]),
+        _on(
+            _mutations(folder, ["t.npy", "t.npz", "w.npz", "k.npz"]), lambda name: ["import", name]
+        ),
+        _on(_mutations(folder, ["t.json", "l.json"], is_json=True), lambda name: ["import", name]),
         _headers(),
     )
 
@@ -197,7 +201,7 @@ def _cameras(folder: Path) -> st.SearchStrategy[Case]:
     def command(name: str) -> list[str]:
         return ["hypothesize", "tracks.json", "--count", "20", "--camera", name]
 
-    texts = ["camera.yaml", "camera.xml", "camera.npz", "cameras.txt"]
+    texts = ["camera.yaml", "camera.xml", "camera.npz", "cameras.txt", "camera.ini", "vins.yaml"]
     return st.one_of(
         _on(_mutations(folder, texts), command),
         _on(_mutations(folder, ["camera.json"], is_json=True), command),
@@ -210,7 +214,7 @@ def _labels(folder: Path) -> st.SearchStrategy[Case]:
 
     return st.one_of(
         _on(_mutations(folder, ["labelme.json", "coco.json"], is_json=True), command),
-        _on(_mutations(folder, ["mask-1.png", "cvat.xml", "points.csv"]), command),
+        _on(_mutations(folder, ["mask-1.png", "mask.npy", "cvat.xml", "points.csv"]), command),
     )
 
 

@@ -524,6 +524,15 @@ def test_a_list_of_tracks(points: Floats, tmp_path: Path, name: str) -> None:
     np.testing.assert_allclose(datasets.read(tmp_path / "t.json").tracks.points, points)
 
 
+def test_positions_of_a_list_may_be_missing(tmp_path: Path) -> None:
+    """As a whole, or one of its coordinates."""
+    listed = [[1.0, 2.0], None, [3.0, None], [4.0, 5.0]]
+    (tmp_path / "t.json").write_text(json.dumps([{"points": listed}, {"points": [[1.0, 2.0]] * 4}]))
+    (found, _) = datasets.read(tmp_path / "t.json").tracks.points
+    np.testing.assert_array_equal(np.isnan(found).all(axis=1), [False, True, True, False])
+    np.testing.assert_array_equal(np.isnan(found).any(axis=1), [False, True, True, False])
+
+
 def test_tracks_of_a_list_that_begin_late_are_not_seen_before(
     points: Floats, tmp_path: Path
 ) -> None:

@@ -14,7 +14,7 @@ from mssegment.annotations.base import IGNORE, Annotations, LabelledFrame
 from mssegment.errors import DataError
 from mssegment.imaging.pictures import decode, looks_like_picture, read_bytes
 from mssegment.inputs import limits
-from mssegment.inputs.numpy_headers import check_arrays
+from mssegment.inputs.numpy_headers import DAMAGED, check_arrays
 from mssegment.records import Integers
 from mssegment.special import distinct
 
@@ -99,7 +99,7 @@ def _of_array(content: bytes, path: str) -> Integers:
     check_arrays(content, path, DataError)
     try:
         array = np.load(io.BytesIO(content), allow_pickle=False)
-    except (ValueError, EOFError, OSError) as error:
+    except DAMAGED as error:
         reason = " ".join(str(error).split())
         raise DataError(f"{path}: not a readable numpy file ({reason})") from None
     limits.check("stack_pixels", array.size, path)

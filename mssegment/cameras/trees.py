@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from mssegment.errors import ConfigurationError, DataError
-from mssegment.inputs.numpy_headers import check_arrays
+from mssegment.inputs.numpy_headers import DAMAGED, check_arrays
 
 _SECTION = re.compile(r"\s*\[[^\]\[]+\]\s*")
 _ASSIGNMENT = re.compile(r"\s*[A-Za-z_][\w. -]*\s*=\s*[^=]*")
@@ -164,6 +164,6 @@ def of_numpy(content: bytes, name: str) -> dict[str, Any]:
         if isinstance(found, np.ndarray):
             return {"K": found.tolist()}
         return {key: found[key].tolist() for key in found.files}
-    except Exception as error:  # numpy and zipfile raise many types of error on damaged files
+    except DAMAGED as error:
         reason = " ".join(str(error).split())
         raise ConfigurationError(f"{name}: not a readable numpy file ({reason})") from None

@@ -3,23 +3,14 @@
 from __future__ import annotations
 
 import io
-import tokenize
 import zipfile
-import zlib
 from typing import Any
 
 import numpy as np
 
 from mssegment.datasets.containers import InputFile
 from mssegment.errors import DataError
-from mssegment.inputs.numpy_headers import check_arrays
-
-_DAMAGED = (
-    *(OSError, ValueError, EOFError, KeyError, TypeError, AttributeError, SyntaxError),
-    *(NotImplementedError, RuntimeError, OverflowError, MemoryError, RecursionError),
-    *(zipfile.BadZipFile, zlib.error, tokenize.TokenError),
-)
-"""What numpy and zipfile raise on damaged files: the header of an array is a Python literal."""
+from mssegment.inputs.numpy_headers import DAMAGED, check_arrays
 
 
 def load_numpy(file: InputFile) -> dict[str, Any]:
@@ -36,7 +27,7 @@ def load_numpy(file: InputFile) -> dict[str, Any]:
         if isinstance(found, np.ndarray):
             return {"": found}
         return {name: _array(found, name, file) for name in found.files}
-    except _DAMAGED as error:
+    except DAMAGED as error:
         if "pickle" in str(error).lower():
             raise _pickled(file, "") from None
         reason = " ".join(str(error).split())
@@ -64,7 +55,7 @@ def _check_archive(file: InputFile) -> None:
     """Raises DataError for an archive that numpy did not write."""
     try:
         names = zipfile.ZipFile(io.BytesIO(file.content)).namelist()
-    except _DAMAGED:
+    except DAMAGED:
         raise DataError(f"{file.name}: a damaged archive; save it again") from None
     if not all(name.endswith(".npy") for name in names):
         kind = "an archive"

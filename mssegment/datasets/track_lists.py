@@ -99,7 +99,9 @@ def _positions(entry: Entry, where: str) -> Floats:
         raise DataError(f"{where}: {values.shape[1]} numbers in a position; expected x and y")
     if np.isinf(values).any():
         raise DataError(f"{where}: holds infinity; expected pixels, null where it is not seen")
-    return values.reshape(-1, 2)
+    values = values.reshape(-1, 2)
+    values[np.isnan(values).any(axis=1)] = np.nan
+    return values
 
 
 def _of_point(point: Any) -> Any:

@@ -4,13 +4,22 @@ from __future__ import annotations
 
 import io
 import math
+import tokenize
 import zipfile
+import zlib
 from typing import IO, Any
 
 import numpy as np
 
 from mssegment.errors import MssegmentError
 from mssegment.inputs import limits
+
+DAMAGED = (
+    *(OSError, ValueError, EOFError, KeyError, TypeError, AttributeError, SyntaxError),
+    *(NotImplementedError, RuntimeError, OverflowError, MemoryError, RecursionError),
+    *(zipfile.BadZipFile, zlib.error, tokenize.TokenError),
+)
+"""What numpy and zipfile raise on damaged files: the header of an array is a Python literal."""
 
 
 def check_arrays(content: bytes, where: str, error: type[MssegmentError]) -> None:
