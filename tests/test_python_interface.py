@@ -238,6 +238,6 @@ def test_a_script_of_a_stranger_is_type_checked_and_runs(tmp_path: Path) -> None
         )
         assert ran.returncode == 0, ran.stdout + ran.stderr
     lines = ran.stdout.splitlines()
-    assert lines[0].startswith("<Segmentation of 1518 tracks")
+    assert re.match(r"<Segmentation of 15\d\d tracks", lines[0])
     assert lines[1:4] == ["1 True", "2 True", "3 True"]
     assert lines[-1] == "False (2, 480, 640) report.html"

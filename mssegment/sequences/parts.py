@@ -158,7 +158,7 @@ def _incoherence(points: Floats, visible: Flags) -> float:
         speed += float(np.median(np.linalg.norm(moved, axis=1)))
         if len(places) >= LEAST_FOR_AFFINE:
             terms = np.column_stack([places - places.mean(axis=0), np.ones(len(places))])
-            moved = moved - terms @ np.linalg.lstsq(terms, moved)[0]
+            moved = moved - terms @ np.linalg.lstsq(terms, moved, rcond=None)[0]
         _, near = nearest(places, places, 2)
         difference += float(np.median(np.linalg.norm(moved - moved[near[:, 1]], axis=1)))
     return difference / speed if speed else 0.0
