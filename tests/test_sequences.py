@@ -7,6 +7,7 @@ import itertools
 import numpy as np
 import pytest
 
+from mssegment.models import Flags
 from mssegment.records import BACKGROUND, NOT_JUDGED, OUTLIER, Floats, Integers
 from mssegment.sequences.extent import Whole
 from mssegment.sequences.identities import IdentityTracker, WindowIdentities, WindowLabels
@@ -16,6 +17,7 @@ from mssegment.sequences.lifetimes import (
     plan_windows,
     rates_of_endings,
 )
+from mssegment.sequences.membership import members, without_strangers
 from mssegment.sequences.parts import coherent, join_parts, split_apart
 from mssegment.sequences.reappearance import Sight, reappeared
 from mssegment.sequences.short_tracks import label_short_tracks
@@ -214,12 +216,23 @@ class TestWhole:
         assert self.whole().holds(part) is is_inside
 
     def test_what_is_half_hidden_keeps_its_size(self) -> None:
+        points = block((200, 200), (3, 0), frames=30)
         later = Whole(29, (267.0, 180.0), (285.0, 220.0), (3.0, 0.0))
-        kept = self.whole().updated(later)
-        assert kept.area == pytest.approx(self.whole().area)
+        kept = self.whole().updated(points, 0, later)
         np.testing.assert_allclose(kept.low, np.array(self.whole().low) + np.array([30, 0]))
+        np.testing.assert_allclose(kept.high, np.array(self.whole().high) + np.array([30, 0]))
         larger = Whole(29, (250.0, 170.0), (310.0, 230.0), (3.0, 0.0))
-        assert self.whole().updated(larger) == larger
+        assert self.whole().updated(points, 0, larger) == larger
+
+    def test_what_is_far_away_by_now_is_smaller(self) -> None:
+        points = block((200, 200), (3, 0), frames=30)
+        centre = points.mean(axis=0)
+        nearer = np.linspace(1.5, 0.5, 30)[:, None] / np.linspace(1.5, 0.5, 30)[19]
+        points = centre + (points - centre) * nearer
+        seen = Sight(29, (287.0, 200.0), (3.0, 0.0), seen=30)
+        kept = self.whole().updated(points, 0, Whole.of(points, 0, seen))
+        size = np.array(self.whole().high) - self.whole().low
+        np.testing.assert_allclose(np.array(kept.high) - kept.low, size * nearer[29], rtol=0.01)
 
 
 def block(centre: tuple[float, float], velocity: tuple[float, float], frames: int = 20) -> Floats:
@@ -243,14 +256,61 @@ def parts(*others: Floats) -> tuple[Floats, Integers]:
     return points, np.concatenate([labels, np.full(len(static), BACKGROUND)])
 
 
+def seen(points: Floats) -> Flags:
+    """The frames in which tracks are visible."""
+    return np.asarray(np.isfinite(points).all(axis=2))
+
+
+def behind_post(corner: tuple[float, float], velocity: float, frames: int = 40) -> Floats:
+    """A body of 80 pixels that passes behind a post from x = 200 to 240: a track ends there."""
+    grid = np.stack(np.meshgrid(np.arange(0, 80, 8), np.arange(0, 40, 8)), axis=-1)
+    path = np.arange(frames)[:, None] * np.array([velocity, 0.0])
+    points = grid.reshape(-1, 1, 2) + np.array(corner) + path
+    before, after = points.copy(), points.copy()
+    before[points[..., 0] > 200] = np.nan
+    after[points[..., 0] < 240] = np.nan
+    both = np.concatenate([before, after])
+    return both[seen(both).any(axis=1)]
+
+
+def post(frames: int = 40) -> Floats:
+    """The static tracks of a post."""
+    grid = np.stack(np.meshgrid(np.arange(204, 240, 8), np.arange(0, 400, 8)), axis=-1)
+    return np.repeat(grid.reshape(-1, 1, 2).astype(float), frames, axis=1)
+
+
 class TestParts:
+    def test_what_passes_behind_a_post_is_one_object(self) -> None:
+        body, static = behind_post((100.0, 180.0), 3.0), post()
+        points = np.concatenate([body, static])
+        labels = np.append(np.ones(len(body), int), np.full(len(static), BACKGROUND))
+        assert set(split_apart(points, labels, seen(points))[: len(body)]) == {1}
+        beyond = np.nanmax(body[..., 0], axis=1) > 240
+        labels[: len(body)][beyond] = 2
+        assert set(join_parts(points, labels, seen(points))[: len(body)]) == {1}
+
+    def test_two_that_follow_each_other_behind_a_post_are_two(self) -> None:
+        first, second = behind_post((100.0, 180.0), 3.0), behind_post((-20.0, 180.0), 3.0)
+        wall = np.stack(np.meshgrid(np.arange(0, 400, 8), np.arange(170, 230, 8)), axis=-1)
+        wall = np.repeat(wall.reshape(-1, 1, 2).astype(float), 40, axis=1)
+        for start in (100, -20):  # what a body covers is not visible
+            passed = wall[..., 0] - start - 3.0 * np.arange(40)
+            wall[(passed > -4) & (passed < 84) & (np.abs(wall[..., 1] - 196) < 24)] = np.nan
+        wall = wall[seen(wall).any(axis=1)]
+        static = np.concatenate([wall, post()])
+        points = np.concatenate([first, second, static])
+        labels = np.append(np.ones(len(first) + len(second), int), np.full(len(static), BACKGROUND))
+        found = split_apart(points, labels, seen(points))
+        assert len(set(found[: len(first)])) == 1
+        assert set(found[: len(first) + len(second)]) == {1, 2}
+
     def test_parts_that_move_alike_are_one_object(self) -> None:
         points, labels = parts(block((200, 200), (5, 0)), block((260, 200), (5.5, 0)))
-        assert set(join_parts(points, labels)[:50]) == {1}
+        assert set(join_parts(points, labels, seen(points))[:50]) == {1}
 
     def test_neighbours_that_move_differently_are_two(self) -> None:
         points, labels = parts(block((200, 200), (5, 0)), block((260, 200), (2, 1)))
-        np.testing.assert_array_equal(join_parts(points, labels), labels)
+        np.testing.assert_array_equal(join_parts(points, labels, seen(points)), labels)
 
     def test_what_has_static_tracks_between_is_two(self) -> None:
         points, labels = parts(block((200, 200), (5, 0)), block((290, 200), (5, 0)))
@@ -260,13 +320,13 @@ class TestParts:
             axis=1,
         )
         more = np.concatenate([points, between])
-        found = join_parts(more, np.append(labels, np.full(len(between), BACKGROUND)))
+        found = join_parts(more, np.append(labels, np.full(len(between), BACKGROUND)), seen(more))
         assert set(found[:50]) == {1, 2}
 
     def test_groups_that_lie_apart_are_two(self) -> None:
         points, labels = parts(block((150, 150), (4, 0)), block((450, 450), (4, 0)))
         together = np.where(labels == 2, 1, labels)
-        found = split_apart(points, together)
+        found = split_apart(points, together, seen(points))
         assert len(set(found[:25])) == len(set(found[25:50])) == 1
         assert set(found[:50]) == {1, 2}
 
@@ -275,7 +335,7 @@ class TestParts:
         for number, track in enumerate(np.flatnonzero(labels == 2)):
             begin = (7 * number) % 20  # dragged along by 6 pixels, each at its own time
             points[track, :, 0] += np.clip(np.arange(20) - begin, 0, 3) * 2
-        found = coherent(points, labels)
+        found = coherent(points, labels, seen(points))
         assert set(found[labels == 2]) == {OUTLIER}
         assert set(found[labels == 1]) == {1}
 
@@ -285,7 +345,27 @@ class TestParts:
         turning = np.einsum("fij,pj->pfi", turn.reshape(20, 2, 2), block((0, 0), (0, 0))[:, 0])
         stopping = block((400, 100), (0, 0)) + np.minimum(np.arange(20), 10)[:, None] * 2.0
         points, labels = parts(turning + 300, stopping)
-        np.testing.assert_array_equal(coherent(points, labels), labels)
+        np.testing.assert_array_equal(coherent(points, labels, seen(points)), labels)
+
+
+class TestMembership:
+    def test_a_track_taken_along_is_a_member_only_then(self) -> None:
+        points, labels = parts(block((200, 200), (5, 0), frames=40))
+        points[3, :25] = points[3, 25]  # at rest, until what passes takes it along
+        shown = members(points, labels)
+        assert not shown[3, :20].any()
+        assert shown[3, 30:].all()
+        assert np.delete(shown[:25], 3, axis=0).all()
+        points[4, :35] = points[4, 35]
+        shown = members(points, labels)
+        judged = without_strangers(labels, seen(points), shown)
+        assert set(judged[np.array([3, 4])]) == {OUTLIER}
+        assert set(np.delete(judged[:25], [3, 4])) == {1}
+
+    def test_what_stops_as_a_whole_is_shown_while_it_stands(self) -> None:
+        moving = np.minimum(np.arange(40), 15)[:, None] * np.array([4.0, 0.0])
+        points, labels = parts(block((200, 200), (0, 0), frames=40) + moving)
+        assert members(points, labels)[:25].all()
 
 
 def test_short_tracks_are_labelled_like_those_that_move_with_them() -> None:

@@ -35,6 +35,7 @@ from mssegment.imaging.streams import Clip, grey_bytes, in_background
 from mssegment.imaging.tracking import FramePoints, StreamTracker, TrackerState
 from mssegment.progress import listening, report
 from mssegment.records import BACKGROUND, Floats, Frame, Motion, Record
+from mssegment.sequences.history import STATIC_WORLD
 from mssegment.sequences.identities import IdentityTracker, WindowIdentities, WindowLabels
 
 Bytes = npt.NDArray[np.uint8]
@@ -118,23 +119,26 @@ def _track(clip: Clip, configuration: Configuration, worker: _Worker) -> int:
     builder = WindowBuilder(limits_of(configuration), worker.windows, worker.start)
     tracker: StreamTracker | None = None
     number = worker.start
+    recent: list[FramePoints] = []
+    earlier: list[tuple[Bytes, FramePoints]] = []
     if worker.resumed is not None:
         resumed = worker.resumed
-        points = [FramePoints(o.tracks, o.points.astype(np.float32)) for o in resumed.shared]
-        builder.begin(resumed.frames, points)
-        number += len(points) - 1
+        recent = _live(resumed.recent)
+        builder.begin(resumed.frames, _live(resumed.shared), recent)
+        number += len(resumed.shared) - len(recent)
     for seen in in_background(_read(clip, configuration, number)):
+        number += 1
+        if len(earlier) < len(recent):  # the window has these frames already
+            earlier.append((seen.grey, recent[len(earlier)]))
+            if worker.resumed is not None and len(earlier) == len(recent):
+                state = TrackerState(recent[-1], worker.resumed.next_track)
+                tracker = StreamTracker(seen.grey, seen.corners, state, earlier[:-1])
+            continue
         if tracker is not None:
             points_here = tracker.step(seen.grey, seen.corners)
-        elif worker.resumed is not None:
-            state = TrackerState(points[-1], worker.resumed.next_track)
-            tracker = StreamTracker(seen.grey, seen.corners, state)
-            number += 1
-            continue  # the window has this frame already
         else:
             tracker = StreamTracker(seen.grey, seen.corners)
             points_here = tracker.state.live
-        number += 1
         report(number, None, "frames")
         full = builder.add(seen.frame, points_here, tracker.state.next_track)
         if full is not None:
@@ -143,6 +147,15 @@ def _track(clip: Clip, configuration: Configuration, worker: _Worker) -> int:
         raise DataError(f"{clip.paths[0]}: no frames")
     worker.put(builder.rest(tracker.state.next_track))
     return number
+
+
+def _live(tracks: Sequence[LiveTracks]) -> list[FramePoints]:
+    """The tracks of some frames, as they were before they were stored."""
+    return [FramePoints(own.tracks, own.points.astype(np.float32)) for own in tracks]
+
+
+def _stored(points: Sequence[FramePoints]) -> list[LiveTracks]:
+    return [LiveTracks(own.tracks, own.points.astype(np.float64)) for own in points]
 
 
 class _Worker:
@@ -232,20 +245,25 @@ class _Worker:
             self._identities = IdentityTracker((frame.width, frame.height))
         joined = self._identities.add(
             WindowLabels(
-                window.start, window.tracks, window.points, found.labels, found.camera_motion
+                window.start,
+                window.tracks,
+                np.where(found.shown[..., None], window.points, np.nan),
+                found.labels,
+                found.camera_motion,
             )
         )
         self._background = window.tracks[found.labels == BACKGROUND]
         document = _document(window, found, joined)
         own = window.points[:, : window.own]
+        shown = found.shown[:, : window.own]
         self._store.write_window(
             document,
             WindowTracks.of(
                 window.start,
                 window.tracks,
                 own,
-                found.labels,
-                joined.tracks,
+                np.where(shown, found.labels[:, None], BACKGROUND),
+                np.where(shown, joined.tracks[:, None], STATIC_WORLD),
                 _matrices(found.motions, len(window.frames)),
             ),
         )
@@ -259,7 +277,8 @@ class _Worker:
             windows=window.index + 1,
             start=window.start + window.own,
             frames=list(window.frames[window.own :]),
-            shared=[LiveTracks(o.tracks, o.points.astype(np.float64)) for o in window.shared],
+            shared=_stored(window.shared),
+            recent=_stored(window.recent),
             next_track=window.next_track,
             background=self._background,
             identities=self._identities,
@@ -278,11 +297,10 @@ def _matrices(motions: Sequence[Motion], frames: int) -> Floats:
 def _document(
     window: FullWindow, found: SegmentedWindow, joined: WindowIdentities
 ) -> WindowDocument:
-    visible = np.asarray(np.isfinite(window.points).all(axis=2))
     motions = []
     for motion, identity in zip(found.motions, joined.motions, strict=True):
         members = found.labels == motion.label
-        shown = np.flatnonzero(visible[members].any(axis=0))
+        shown = np.flatnonzero(found.shown[members].any(axis=0))
         motions.append(
             WindowMotion(
                 label=motion.label,

@@ -13,6 +13,7 @@ from mssegment.configuration import Configuration
 from mssegment.documents import SegmentationDocument, TracksDocument
 from mssegment.errors import DataError
 from mssegment.history import entry_of
+from mssegment.models import Flags
 from mssegment.records import (
     BACKGROUND,
     NOT_JUDGED,
@@ -26,6 +27,7 @@ from mssegment.records import (
     Tracks,
     replace,
 )
+from mssegment.sequences.membership import members, without_strangers
 from mssegment.sequences.parts import coherent, join_parts, split_apart
 from mssegment.sequences.short_tracks import label_short_tracks
 
@@ -40,6 +42,8 @@ class SegmentedWindow(Record, frozen=True):
     ----------
     labels : ndarray [P] of int64
         1..m for a motion, 0 outlier, -1 background, -2 not judged.
+    shown : ndarray [P, L] of bool
+        The frames in which a track is visible, and moves with its motion if it has one.
     motions : tuple of Motion
         The motions, label 1 first; that of an object in several parts is the motion of the largest.
     camera_motion : int or None
@@ -53,6 +57,7 @@ class SegmentedWindow(Record, frozen=True):
     """
 
     labels: Integers
+    shown: Flags
     motions: tuple[Motion, ...] = ()
     camera_motion: int | None = None
     is_static: bool = False
@@ -89,8 +94,8 @@ def segment_window(
     SegmentedWindow
         Without motions, and with a note, where there are too few tracks.
     """
-    visible = np.isfinite(points).all(axis=2).sum(axis=1)
-    long_enough = np.flatnonzero(visible >= min(LEAST_LENGTH, points.shape[1]))
+    visible = np.asarray(np.isfinite(points).all(axis=2))
+    long_enough = np.flatnonzero(visible.sum(axis=1) >= min(LEAST_LENGTH, points.shape[1]))
     labels = np.full(len(points), NOT_JUDGED, dtype=np.int64)
     document = TracksDocument(
         frames=list(frames),
@@ -101,21 +106,34 @@ def segment_window(
     try:
         found = _segment(document, configuration, earlier_background[long_enough])
     except DataError as error:
-        return SegmentedWindow(labels, notes=(f"no motions: {error}",))
+        return SegmentedWindow(labels, visible, notes=(f"no motions: {error}",))
     labels[long_enough] = found.labels
     notes = [note for entry in found.history[1:] for note in entry.notes]
     is_static = bool((found.labels == BACKGROUND).any())
-    objects = labels
+    objects = _objects(points, visible, labels) if is_static else labels
+    judged = label_short_tracks(points, objects)
+    shown = visible
     if is_static:
-        objects = join_parts(points, coherent(points, split_apart(points, labels)))
+        shown = members(points, judged)
+        judged = without_strangers(judged, visible, shown)
+        shown = np.where((judged > 0)[:, None], shown, visible)
     return SegmentedWindow(
-        labels=label_short_tracks(points, objects),
+        labels=judged,
+        shown=shown,
         motions=_motions(found.motions, labels, objects),
         camera_motion=found.camera_motion,
         is_static=is_static,
         strategy=found.strategy if found.motions else None,
         notes=tuple(dict.fromkeys(notes)),
     )
+
+
+def _objects(points: Floats, visible: Flags, labels: Integers) -> Integers:
+    """The objects before a static camera, from groups of tracks that move alike."""
+    shown = members(points, labels)
+    own = without_strangers(labels, visible, shown)
+    pieces = coherent(points, split_apart(points, own, shown), shown)
+    return join_parts(points, pieces, shown)
 
 
 def _motions(motions: Sequence[Motion], labels: Integers, objects: Integers) -> tuple[Motion, ...]:

@@ -49,6 +49,8 @@ class ClipState(Record, frozen=True):
         Its frames that the last window had too; the last is the one to track from.
     shared : list of LiveTracks
         Their tracks.
+    recent : list of LiveTracks
+        The tracks of the last frames up to the one to track from.
     next_track : int
         The number of the next new track.
     background : ndarray of int64
@@ -61,6 +63,7 @@ class ClipState(Record, frozen=True):
     start: int
     frames: list[Frame]
     shared: list[LiveTracks]
+    recent: list[LiveTracks]
     next_track: int
     background: Integers
     identities: IdentityTracker

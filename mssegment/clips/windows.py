@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Sequence
 
 import numpy as np
 
-from mssegment.imaging.tracking import FramePoints, dense_tracks
+from mssegment.imaging.tracking import RECENT, FramePoints, dense_tracks
 from mssegment.records import Floats, Frame, Integers, Record
 from mssegment.sequences.lifetimes import (
     LONGEST_WINDOW,
@@ -36,6 +37,8 @@ class FullWindow(Record, frozen=True):
         Their positions in pixels, NaN where they are not visible.
     shared : tuple of FramePoints
         The tracks of the frames that the next window shares.
+    recent : tuple of FramePoints
+        Those of the last frames, from which the tracker goes on.
     next_track : int
         The number of the next new track.
     is_last : bool
@@ -49,6 +52,7 @@ class FullWindow(Record, frozen=True):
     tracks: Integers
     points: Floats
     shared: tuple[FramePoints, ...]
+    recent: tuple[FramePoints, ...]
     next_track: int
     is_last: bool = False
 
@@ -75,15 +79,23 @@ class WindowBuilder:
         self._index = index
         self._open = _OpenWindow(start)
         self._held: _OpenWindow | None = None
+        self._recent: deque[FramePoints] = deque(maxlen=RECENT)
 
-    def begin(self, frames: Sequence[Frame], shared: Sequence[FramePoints]) -> None:
-        """Start with frames that the window before had too."""
+    def begin(
+        self,
+        frames: Sequence[Frame],
+        shared: Sequence[FramePoints],
+        recent: Sequence[FramePoints],
+    ) -> None:
+        """Start with frames that the window before had too, and the last ones up to them."""
         self._open.begin(frames, shared)
+        self._recent.extend(recent)
 
     def add(self, frame: Frame, points: FramePoints, next_track: int) -> FullWindow | None:
         """Append a frame; the window before, if it is complete."""
         opened = self._open
         opened.add(frame, points, next_track)
+        self._recent.append(points)
         complete = None
         if self._held is not None and len(opened.frames) >= self._least:
             complete = self._complete(self._held, self._held.own)
@@ -91,6 +103,7 @@ class WindowBuilder:
         if self._held is None and self._limits.is_full(np.array(opened.rates)):
             shared = self._limits.shared(np.array(opened.rates))
             opened.own = len(opened.frames) - shared
+            opened.recent = tuple(self._recent)
             self._held, self._open = opened, _OpenWindow(opened.start + opened.own)
             self._open.begin(opened.frames[opened.own :], opened.points[opened.own :])
         return complete
@@ -116,6 +129,7 @@ class WindowBuilder:
             tracks=tracks,
             points=dense,
             shared=tuple(window.points[own:]),
+            recent=window.recent,
             next_track=window.next_track,
             is_last=is_last,
         )
@@ -132,6 +146,7 @@ class _OpenWindow:
         self.next_track = 0
         self.frames: list[Frame] = []
         self.points: list[FramePoints] = []
+        self.recent: tuple[FramePoints, ...] = ()
         self.rates: list[float] = []
         self._moved = _Moved()
 

@@ -228,17 +228,31 @@ class WindowTracks(Record, frozen=True):
         identities: Integers,
         matrices: Floats | None = None,
     ) -> WindowTracks:
-        """The runs of tracks [P] whose positions [P, L, 2] begin with frame ``start``."""
+        """The runs of tracks [P] whose positions [P, L, 2] begin with frame ``start``.
+
+        Labels and identities are [P], or [P, L] where a track changes them.
+        """
         visible = np.asarray(np.isfinite(points).all(axis=2))
-        edges = np.diff(np.pad(visible.astype(np.int8), ((0, 0), (1, 1))), axis=1)
-        row, first = np.nonzero(edges == 1)
-        _, end = np.nonzero(edges == -1)
+        labels, identities = (
+            np.broadcast_to(own if own.ndim == 2 else own[:, None], visible.shape)
+            for own in (labels, identities)
+        )
+        before = np.zeros_like(visible)
+        before[:, 1:] = (
+            visible[:, :-1]
+            & (labels[:, 1:] == labels[:, :-1])
+            & (identities[:, 1:] == identities[:, :-1])
+        )
+        after = np.zeros_like(visible)
+        after[:, :-1] = before[:, 1:] & visible[:, 1:]
+        row, first = np.nonzero(visible & ~before)
+        _, last = np.nonzero(visible & ~after)
         return cls(
             track=tracks[row],
             first=start + first,
-            length=end - first,
-            label=labels[row],
-            identity=identities[row],
+            length=last + 1 - first,
+            label=labels[row, first],
+            identity=identities[row, first],
             points=points[visible].astype(np.float32),
             matrices=np.zeros((0, 0, 3, 3)) if matrices is None else matrices,
         )

@@ -4,10 +4,15 @@ The same method as ``matching.klt``: corners are followed by pyramidal Lucas-Kan
 check under a changing brightness, and corners of every frame start new tracks where there are none.
 But frames are seen once, positions are kept for one window, and the tracker can go on from what was
 stored, with the same result.
+
+A track that was at rest ends where something else takes it along: what passes covers its window of
+the picture, and Lucas-Kanade follows what is in the window. What is there then does not look like
+what was at rest (Shi & Tomasi 1994 compare with the first frame in the same way).
 """
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Sequence
 
 import cv2
@@ -32,6 +37,20 @@ from mssegment.records import Floats, Integers, Record
 
 Bytes = npt.NDArray[np.uint8]
 Singles = npt.NDArray[np.float32]
+
+REST = 4
+"""Frames of rest, and frames after it in which a track leaves its place: half of
+``sequences.parts.LONGEST_STEP``."""
+RECENT = 3 * REST
+"""Frames before the present one that say whether a track was at rest, and then left."""
+AT_REST = 1.0
+"""Pixels; a track that moves less in ``REST`` frames is at rest: twice ``RETURN_ERROR``."""
+LEAVES = 2.0
+"""Pixels; a track that moves more in ``REST`` frames leaves its place, as in
+``preprocessing.background``."""
+LEAST_ALIKE = 0.5
+"""Correlation of the windows around a track at rest and after it left: half of the variance is then
+explained. It is less than that with its old place where something only passes."""
 
 
 class FramePoints(Record, frozen=True):
@@ -67,9 +86,17 @@ class StreamTracker:
         Its corners, which start tracks; not used with a ``state``.
     state : TrackerState, optional
         The tracks in that frame, from an earlier tracker.
+    recent : sequence of (array, FramePoints)
+        The frames before it and their tracks, at least ``RECENT`` less one if there are so many.
     """
 
-    def __init__(self, grey: Bytes, corners: Floats, state: TrackerState | None = None) -> None:
+    def __init__(
+        self,
+        grey: Bytes,
+        corners: Floats,
+        state: TrackerState | None = None,
+        recent: Sequence[tuple[Bytes, FramePoints]] = (),
+    ) -> None:
         if state is None:
             numbers = np.arange(len(corners), dtype=np.int64)
             state = TrackerState(
@@ -77,12 +104,15 @@ class StreamTracker:
             )
         self.state = state
         self._grey = grey
+        self._recent = deque([*recent, (grey, state.live)], maxlen=RECENT)
 
     def step(self, grey: Bytes, corners: Floats) -> FramePoints:
         """Follow the tracks into the next frame, in which ``corners`` start new ones."""
         live = self.state.live
         ends, kept = _follow_under_change(self._grey, grey, live.points)
         tracks, points = live.tracks[kept], ends[kept]
+        own = ~self._taken_along(grey, tracks, points)
+        tracks, points = tracks[own], points[own]
         apart = select_apart(points, TRACK_DISTANCE / 2)
         tracks, points = tracks[apart], points[apart]
         fresh = far_from(corners, points.astype(np.float64), TRACK_DISTANCE)
@@ -94,6 +124,28 @@ class StreamTracker:
         )
         self.state = TrackerState(found, first + len(fresh))
         self._grey = grey
+        self._recent.append((grey, found))
+        return found
+
+    def _taken_along(self, grey: Bytes, tracks: Integers, points: Singles) -> npt.NDArray[np.bool_]:
+        """Tracks [n] that were at rest, and leave with another picture in their window."""
+        found = np.zeros(len(tracks), dtype=bool)
+        for frames in range(2 * REST, min(len(self._recent), RECENT) + 1, REST):
+            rested, start = self._recent[-frames]
+            middle = self._recent[REST - frames][1]
+            before, at_rest = _rows(start.tracks, tracks)
+            since, known = _rows(middle.tracks, tracks)
+            rows = np.flatnonzero(at_rest & known & ~found)
+            one, two, now = start.points[before[rows]], middle.points[since[rows]], points[rows]
+            earlier, later = np.linalg.norm(two - one, axis=1), np.linalg.norm(now - two, axis=1)
+            leaves = (earlier < AT_REST) & (later > LEAVES)
+            stops = (earlier > LEAVES) & (later < AT_REST)
+            for row, place, left in zip(
+                rows[leaves | stops], one[leaves | stops], leaves[leaves | stops], strict=True
+            ):
+                here = _correlation(rested, place, grey, points[row])
+                there = _correlation(rested, place, grey, place) if left else LEAST_ALIKE
+                found[row] = here < max(LEAST_ALIKE, there)
         return found
 
 
@@ -110,6 +162,24 @@ def dense_tracks(frames: Sequence[FramePoints]) -> tuple[Integers, Floats]:
     points = np.full((len(tracks), len(frames), 2), np.nan)
     points[rows, columns] = np.concatenate([one.points for one in frames])
     return tracks, points
+
+
+def _rows(tracks: Integers, wanted: Integers) -> tuple[Integers, npt.NDArray[np.bool_]]:
+    """Where the ``wanted`` numbers [n] are among ``tracks``, ascending, and which are there."""
+    place = np.minimum(np.searchsorted(tracks, wanted), max(len(tracks) - 1, 0))
+    if not len(tracks):
+        return place, np.zeros(len(wanted), dtype=bool)
+    return place, np.asarray(tracks[place] == wanted)
+
+
+def _correlation(one: Bytes, place: Singles, other: Bytes, moved: Singles) -> float:
+    """Of the windows around a point in two frames, whatever gain and offset of the brightness."""
+    side = (SEARCH_WINDOW, SEARCH_WINDOW)
+    first, second = (
+        cv2.getRectSubPix(picture, side, (float(x), float(y)), patchType=cv2.CV_32F)
+        for picture, (x, y) in ((one, place), (other, moved))
+    )
+    return float(cv2.matchTemplate(first, second, cv2.TM_CCOEFF_NORMED)[0, 0])
 
 
 def _follow_under_change(

@@ -11,12 +11,10 @@ import math
 import numpy as np
 
 from mssegment.records import Floats, Record
+from mssegment.sequences.body_frame import LEAST_TRACKS
 from mssegment.sequences.parts import LARGEST_RELIEF
 from mssegment.sequences.reappearance import Sight
 
-HIDDEN_SHARE = 0.7
-"""An object whose box has become smaller than this share, from one window to the next, is partly
-hidden."""
 MARGIN = 0.5
 """How far beyond its border a part of an object may appear, in halves of the sides of its box: what
 appears first is at the border, and the velocity is not known exactly."""
@@ -53,17 +51,29 @@ class Whole(Record, frozen=True):
         low, high = low - beyond, high + beyond
         return cls(seen.frame, (low[0], low[1]), (high[0], high[1]), seen.velocity)
 
-    @property
-    def area(self) -> float:
-        """The area of the box in pixels."""
-        return (self.high[0] - self.low[0]) * (self.high[1] - self.low[1])
+    def updated(self, points: Floats, start: int, now: Whole) -> Whole:
+        """The box after it was seen again.
 
-    def updated(self, now: Whole) -> Whole:
-        """The box after it was seen again: the new one, or this one where it is partly hidden."""
-        if now.area >= HIDDEN_SHARE * self.area:
-            return now
-        moved = (now.frame - self.frame) * np.array(self.velocity)
-        low, high = np.array(self.low) + moved, np.array(self.high) + moved
+        An object does not become smaller, but for what its own tracks say: where the box does, it
+        is partly hidden, and its sides are where they should be by now.
+
+        Parameters
+        ----------
+        points : ndarray [n, L, 2]
+            The tracks of the object in the window that begins with frame ``start``.
+        start : int
+            The first frame of the window.
+        now : Whole
+            Their box.
+        """
+        moved, scale = _change(points, self.frame - start, now.frame - start)
+        if moved is None:
+            moved = (now.frame - self.frame) * np.array(self.velocity)
+        middle = (np.array(self.low) + np.array(self.high)) / 2 + moved
+        half = (np.array(self.high) - np.array(self.low)) / 2 * scale
+        hidden = np.array(now.high) - np.array(now.low) < 2 * half
+        low = np.where(hidden, middle - half, now.low)
+        high = np.where(hidden, middle + half, now.high)
         return Whole(now.frame, (low[0], low[1]), (high[0], high[1]), now.velocity)
 
     def distance(self, part: Sight) -> float:
@@ -83,3 +93,20 @@ class Whole(Record, frozen=True):
     def holds(self, part: Sight) -> bool:
         """Whether a part that appears is inside, where the object should be, and moves like it."""
         return self.distance(part) <= 1 + MARGIN
+
+
+def _change(points: Floats, before: int, now: int) -> tuple[Floats | None, float]:
+    """How far the tracks [n, L, 2] of an object moved between two frames, and its change in size.
+
+    None if fewer than ``LEAST_TRACKS`` tracks are visible in both.
+    """
+    if not 0 <= before < points.shape[1]:
+        return None, 1.0
+    both = np.isfinite(points[:, [before, now]]).all(axis=(1, 2))
+    if both.sum() < LEAST_TRACKS:
+        return None, 1.0
+    one, two = points[both, before], points[both, now]
+    sizes = [
+        float(np.median(np.linalg.norm(own - np.median(own, axis=0), axis=1))) for own in (one, two)
+    ]
+    return np.median(two - one, axis=0), sizes[1] / sizes[0] if min(sizes) > 0 else 1.0

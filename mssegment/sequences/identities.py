@@ -318,7 +318,11 @@ class IdentityTracker(State):
                 self.sizes[known] = max(size, self.sizes.get(known, 0.0) / 2)
                 box = Whole.of(window.points[rows], window.start, last)
                 before = self.wholes.get(known)
-                self.wholes[known] = box if before is None else before.updated(box)
+                self.wholes[known] = (
+                    box
+                    if before is None
+                    else before.updated(window.points[rows], window.start, box)
+                )
         self.last_sights = kept
         known_still = {**kept, **self.lost}
         self.first_frames = {k: v for k, v in self.first_frames.items() if k in known_still}
