@@ -42,11 +42,10 @@ from mssegment.segmentation.mdl.labelling import (
 )
 from mssegment.segmentation.mdl.likelihood import Noise, uniform_cost
 from mssegment.segmentation.mdl.refinement import refit_once
+from mssegment.segmentation.mdl.rigid_motions import joined, with_numbers
 from mssegment.segmentation.mdl.search import improve, refitted, start
 from mssegment.segmentation.options import Granularity
-from mssegment.segmentation.rigid_join import rigid_bodies
 from mssegment.segmentation.selection import (
-    Body,
     SelectedMotion,
     SelectionProblem,
     SelectionResult,
@@ -122,8 +121,9 @@ def mdl(problem: SelectionProblem, ingredients: Ingredients = ALL_INGREDIENTS) -
     labels, best = final_labels(problem, best, description, ingredients.neighbour_labels)
     if problem.options.granularity == "object" and problem.options.motions is None:
         labels, best = merge_faces(problem, labels, best, description)
+    labels, groups = joined(problem, labels, best, description)
     found = selected_motions(best, labels, description)
-    bodies = bodies_of(problem, found, description)
+    bodies = with_numbers(groups, labels)
     if len(bodies) < description.min_motions:
         notes.append(f"{description.min_motions} motions requested, {len(bodies)} found")
     if len(problem.observed_sets) > 1 and found:
@@ -349,29 +349,6 @@ def within_limits(
             limit = model.quantile(EXCLUDED) * middle
             labels[own & (current.residuals[k] > limit)] = OUTLIER
     return labels
-
-
-def bodies_of(
-    problem: SelectionProblem, found: Sequence[SelectedMotion], description: Description
-) -> tuple[Body, ...]:
-    """Which motions are one rigid body: under a moving camera, the static scene.
-
-    Before a static camera, nothing else is static; a given number of motions is kept, and so are
-    motions that leave parallax free, each of which is a rigid body.
-    """
-    single = tuple(Body((k,)) for k in range(len(found)))
-    options = problem.options
-    if (
-        options.granularity != "object"
-        or options.motions is not None
-        or problem.static_camera
-        or problem.points.shape[1] != 2
-        or len(found) < 2
-        or any(f.observed_set.model.leaves_parallax_free for f in description.families)
-    ):
-        return single
-    bodies = rigid_bodies(problem.points, [m.inliers for m in found], problem.noise)
-    return single if len(bodies) < options.min_motions else bodies
 
 
 def models_chosen(problem: SelectionProblem, found: Sequence[SelectedMotion]) -> str:

@@ -2,9 +2,12 @@
 
 - ``epipoles``: how likely the parallax of several groups is, over all directions of the epipole;
 - ``residuals``: the noise about the epipolar geometries of the groups;
-- ``bodies``: which groups one epipole explains better than epipoles of their own.
+- ``depths``: how likely the depths of several groups are those of one scene;
+- ``bodies``: which groups one epipole explains better than epipoles of their own;
+- ``matches``: which matches belong to a body.
 """
 
 from mssegment.segmentation.rigid_join.bodies import MIN_MATCHES, pair_evidence, rigid_bodies
+from mssegment.segmentation.rigid_join.matches import body_gains
 
-__all__ = ["MIN_MATCHES", "pair_evidence", "rigid_bodies"]
+__all__ = ["MIN_MATCHES", "body_gains", "pair_evidence", "rigid_bodies"]

@@ -27,7 +27,7 @@ from mssegment.segmentation.rigid_join.depths import (
     EpipolarCoordinates,
     middle_and_relief,
 )
-from mssegment.segmentation.rigid_join.epipoles import EpipoleTable, Parallax
+from mssegment.segmentation.rigid_join.epipoles import SCALE_OF_NOISE, EpipoleTable, Parallax
 from mssegment.segmentation.rigid_join.residuals import noise_of_groups
 from mssegment.segmentation.selection import Body
 from mssegment.special import quantile
@@ -41,8 +41,6 @@ INDEPENDENT_MATCHES = 50
 no surface is exactly flat."""
 SAMPLED_MATCHES = 200
 """Matches of a group that are looked at."""
-SCALE_OF_NOISE = 1.16
-"""Scale of the distribution of parallax, over the noise."""
 OVERFIT = 0.5
 """Nats that a fitted parameter gains on noise."""
 PARAMETERS_APART = 3.0

@@ -16,6 +16,8 @@ from mssegment.records import Floats, Integers, Record
 
 FREEDOM = 2.5
 """Degrees of freedom of the Student t distribution of the parallax across the epipolar lines."""
+SCALE_OF_NOISE = 1.16
+"""Scale of that distribution, over the noise."""
 FIRST_CELLS = (8, 32)
 """Cells of the first grid, in height and longitude."""
 ROUNDS = 4
