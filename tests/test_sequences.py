@@ -20,6 +20,7 @@ from mssegment.sequences.lifetimes import (
 from mssegment.sequences.membership import members, without_strangers
 from mssegment.sequences.parts import coherent, join_parts, split_apart
 from mssegment.sequences.reappearance import Sight, reappeared
+from mssegment.sequences.separation import separated
 from mssegment.sequences.short_tracks import label_short_tracks
 
 SIZE = (640, 480)
@@ -346,6 +347,33 @@ class TestParts:
         stopping = block((400, 100), (0, 0)) + np.minimum(np.arange(20), 10)[:, None] * 2.0
         points, labels = parts(turning + 300, stopping)
         np.testing.assert_array_equal(coherent(points, labels, seen(points)), labels)
+
+
+class TestSeparation:
+    def test_two_that_were_two_stay_two_when_they_meet(self) -> None:
+        points = np.concatenate([block((200, 200), (5, 0)), block((245, 200), (5, 0))])
+        labels, usual = np.ones(50, int), np.repeat([3, 4], 25)
+        new = np.array([12, 37])  # in the middle of each
+        usual[new] = -1
+        found, sources = separated(points, labels, usual, {3: {4: 2}})
+        np.testing.assert_array_equal(found, np.repeat([1, 2], 25))
+        assert sources == (1,)
+
+    @pytest.mark.parametrize("together", [{}, {3: {4: 1}}])
+    def test_pieces_that_were_never_seen_apart_for_long_are_one(
+        self, together: dict[int, dict[int, int]]
+    ) -> None:
+        points = np.concatenate([block((200, 200), (5, 0)), block((245, 200), (5, 0))])
+        labels, usual = np.ones(50, int), np.repeat([3, 4], 25)
+        found, sources = separated(points, labels, usual, together)
+        np.testing.assert_array_equal(found, labels)
+        assert sources == ()
+
+    def test_a_tracker_remembers_who_was_seen_together(self) -> None:
+        scene = Scene()
+        for start in (0, 15, 30):
+            scene.add(start, {1: 1, 2: 2})
+        assert scene.tracker.together == {1: {2: 3}}
 
 
 class TestMembership:

@@ -34,7 +34,7 @@ from mssegment.imaging.pictures import white_level
 from mssegment.imaging.streams import Clip, grey_bytes, in_background
 from mssegment.imaging.tracking import FramePoints, StreamTracker, TrackerState
 from mssegment.progress import listening, report
-from mssegment.records import BACKGROUND, Floats, Frame, Motion, Record
+from mssegment.records import BACKGROUND, Floats, Frame, Motion, Record, replace
 from mssegment.sequences.history import STATIC_WORLD
 from mssegment.sequences.identities import IdentityTracker, WindowIdentities, WindowLabels
 
@@ -243,15 +243,8 @@ class _Worker:
         if self._identities is None:
             frame = window.frames[0]
             self._identities = IdentityTracker((frame.width, frame.height))
-        joined = self._identities.add(
-            WindowLabels(
-                window.start,
-                window.tracks,
-                np.where(found.shown[..., None], window.points, np.nan),
-                found.labels,
-                found.camera_motion,
-            )
-        )
+        found = _separated(window, found, self._identities)
+        joined = self._identities.add(_labels(window, found))
         self._background = window.tracks[found.labels == BACKGROUND]
         document = _document(window, found, joined)
         own = window.points[:, : window.own]
@@ -283,6 +276,27 @@ class _Worker:
             background=self._background,
             identities=self._identities,
         )
+
+
+def _labels(window: FullWindow, found: SegmentedWindow) -> WindowLabels:
+    """What identities are made of: tracks while they move with their motion."""
+    points = np.where(found.shown[..., None], window.points, np.nan)
+    return WindowLabels(window.start, window.tracks, points, found.labels, found.camera_motion)
+
+
+def _separated(
+    window: FullWindow, found: SegmentedWindow, identities: IdentityTracker
+) -> SegmentedWindow:
+    """The same with objects that have been two as two motions, before a static camera."""
+    if not found.is_static:
+        return found
+    labels, sources = identities.separated(_labels(window, found))
+    motions = [*found.motions, *(found.motions[source - 1] for source in sources)]
+    own = [
+        replace(motion, label=label, inliers=np.flatnonzero(labels == label))
+        for label, motion in enumerate(motions, start=1)
+    ]
+    return replace(found, labels=labels, motions=tuple(own))
 
 
 def _matrices(motions: Sequence[Motion], frames: int) -> Floats:

@@ -29,6 +29,7 @@ from mssegment.sequences.extent import Whole
 from mssegment.sequences.history import STATIC_WORLD, TrackHistory, vote_table
 from mssegment.sequences.parts import move_alike
 from mssegment.sequences.reappearance import Sight, reappeared, sight
+from mssegment.sequences.separation import separated
 
 Votes = Mapping[int, float]
 
@@ -116,6 +117,8 @@ class IdentityTracker(State):
         How many tracks of each object a frame showed when it was last seen to move.
     wholes : dict
         The box of each object.
+    together : dict
+        In how many windows two of them were seen, by the smaller and the larger number.
     """
 
     size: tuple[int, int]
@@ -126,6 +129,12 @@ class IdentityTracker(State):
     first_frames: dict[int, int] = field(default_factory=dict)
     sizes: dict[int, float] = field(default_factory=dict)
     wholes: dict[int, Whole] = field(default_factory=dict)
+    together: dict[int, dict[int, int]] = field(default_factory=dict)
+
+    def separated(self, window: WindowLabels) -> tuple[Integers, tuple[int, ...]]:
+        """The labels of the next window, objects that have been two apart (``separation``)."""
+        usual = self.history.usual(window.tracks)
+        return separated(window.points, window.labels, usual, self.together)
 
     def add(self, window: WindowLabels) -> WindowIdentities:
         """The identities of the next window."""
@@ -323,11 +332,20 @@ class IdentityTracker(State):
                     if before is None
                     else before.updated(window.points[rows], window.start, box)
                 )
+        for one in seen:
+            for other in (k for k in seen if k > one):
+                pairs = self.together.setdefault(one, {})
+                pairs[other] = pairs.get(other, 0) + 1
         self.last_sights = kept
         known_still = {**kept, **self.lost}
         self.first_frames = {k: v for k, v in self.first_frames.items() if k in known_still}
         self.sizes = {k: v for k, v in self.sizes.items() if k in known_still}
         self.wholes = {k: v for k, v in self.wholes.items() if k in known_still}
+        self.together = {
+            k: {other: n for other, n in v.items() if other in known_still}
+            for k, v in self.together.items()
+            if k in known_still
+        }
 
 
 def _net_displacement(points: Floats) -> float:
