@@ -15,7 +15,7 @@ from mssegment.records import Floats, Integers, Record
 
 LEAST_TRACKS = 3
 """Tracks that say how a group moves from one frame to the next."""
-MOMENTS = 16
+MOMENTS = 8
 """Moments at which it is looked for what lies between tracks."""
 DETOUR = 1.1
 """A track lies between two others if the way over it is at most so much longer."""
@@ -55,23 +55,22 @@ class BodyFrame(Record, frozen=True):
             step = points[both, frame] - points[both, frame - 1]
             path[frame] = path[frame - 1] + (np.median(step, axis=0) if known else 0.0)
             episode[frame] = episode[frame - 1] + (not known)
-        places, episodes = np.zeros((len(points), 2)), np.zeros(len(points), dtype=np.int64)
-        spread = np.full(len(points), np.inf)
-        for row, visible in enumerate(shown):
-            seen = np.flatnonzero(visible)
-            if len(seen):
-                middle = episode[seen[len(seen) // 2]]
-                seen = seen[episode[seen] == middle]
-                own_places = points[row, seen] - path[seen]
-                places[row] = np.median(own_places, axis=0)
-                spread[row] = np.median(np.linalg.norm(own_places - places[row], axis=1))
-                episodes[row] = middle
-            else:
-                episodes[row] = -1 - row
+        number = shown.sum(axis=1)
+        middle = (np.cumsum(shown, axis=1) == (number[:, None] + 1) // 2).argmax(axis=1)
+        seen = shown & (episode == episode[middle][:, None])
+        places, spread = np.zeros((len(points), 2)), np.full(len(points), np.inf)
+        some = number > 0
+        own = np.where(seen[..., None], points - path, np.nan)[some]
+        places[some] = np.nanmedian(own, axis=1)
+        apart = np.linalg.norm(own - places[some][:, None], axis=2)
+        spread[some] = np.nanmedian(apart, axis=1)
+        episodes = np.where(some, episode[middle], -1 - np.arange(len(points)))
         return cls(places, spread, episodes)
 
 
-def connections(points: Floats, shown: Flags, static: Floats) -> Integers:
+def connections(
+    points: Floats, shown: Flags, static: Floats, groups: Integers | None = None
+) -> Integers:
     """Pairs of tracks of a group that are neighbours on one object.
 
     Parameters
@@ -82,6 +81,8 @@ def connections(points: Floats, shown: Flags, static: Floats) -> Integers:
         The frames in which they move with the group.
     static : ndarray [s, F, 2]
         The tracks of the static world, NaN where they are not visible.
+    groups : ndarray [n] of int64, optional
+        Only pairs across groups are wanted.
 
     Returns
     -------
@@ -97,10 +98,14 @@ def connections(points: Floats, shown: Flags, static: Floats) -> Integers:
         # what has no certain place connects nothing
         certain = body.spread[rows] <= max(spacing, float(np.median(body.spread[rows])))
         edges = _neighbours(body.places, rows[certain])
+        if groups is not None:
+            edges = edges[groups[edges[:, 0]] != groups[edges[:, 1]]]
         together, separated = _between(points, shown, static, edges)
         distance = np.linalg.norm(body.places[edges[:, 0]] - body.places[edges[:, 1]], axis=1)
         near = distance <= CONNECTED * spacing
         found.append(edges[np.where(together > 0, 2 * separated < together, near)])
+        if groups is not None:
+            continue
         _, nearest_one = nearest(body.places[rows[certain]], body.places[rows[~certain]], 1)
         found.append(np.column_stack([rows[certain][nearest_one[:, 0]], rows[~certain]]))
     return np.concatenate(found)

@@ -20,7 +20,9 @@ HALF_STEP = 4
 ``parts.LONGEST_STEP``."""
 DEVIATIONS = 3.0
 """A group moves if it is expected to by more than so many times the error of the displacements."""
-ROUNDS = 5
+STRIDE = 2
+"""Frames between those that are compared; the others are as the nearest of them."""
+ROUNDS = 3
 """Rounds of reweighting of the affine map."""
 
 
@@ -67,24 +69,26 @@ def _members(points: Floats, visible: Flags) -> Flags:
     frames = points.shape[1]
     first = visible.argmax(axis=1)
     last = frames - 1 - visible[:, ::-1].argmax(axis=1)
-    rows = np.arange(len(points))
-    found = visible.copy()
-    for frame in range(frames):
+    strange = np.zeros_like(visible)
+    for frame in range(0, frames + STRIDE // 2, STRIDE):
         low, high = max(0, frame - HALF_STEP), min(frames - 1, frame + HALF_STEP)
         known = visible[:, low] & visible[:, high]
-        here = np.flatnonzero(visible[:, frame])
-        if known.sum() < LEAST_TRACKS or not len(here):
+        if known.sum() < LEAST_TRACKS:
             continue
-        start, end = np.maximum(first, low)[here], np.minimum(last, high)[here]
-        moved = points[rows[here], end] - points[rows[here], start]
+        start, end = np.maximum(first, low), np.minimum(last, high)
+        here = np.flatnonzero(start < end)
+        start, end = start[here], end[here]
+        moved = points[here, end] - points[here, start]
         whole = points[known, high] - points[known, low]
-        expected, noise = _predicted(points[known, low], whole, points[here, frame])
+        expected, noise = _predicted(points[known, low], whole, points[here, start])
         expected *= ((end - start) / (high - low))[:, None]
         still = np.linalg.norm(moved, axis=1)
         with_group = np.linalg.norm(moved - expected, axis=1)
         group_moves = np.linalg.norm(expected, axis=1) > DEVIATIONS * noise
-        found[here, frame] = ~(group_moves & (still < with_group))
-    return found
+        stays = group_moves & (still < with_group)
+        around = slice(max(0, frame - STRIDE // 2), frame + (STRIDE + 1) // 2)
+        strange[here[stays], around] = True
+    return visible & ~strange
 
 
 def _predicted(places: Floats, moved: Floats, wanted: Floats) -> tuple[Floats, float]:

@@ -108,9 +108,8 @@ def _are_parts(
     if not move_alike(*own):
         return False
     rows = np.concatenate([first, second])
-    links = connections(points[rows], shown[rows], static)
-    across = links[(links[:, 0] < len(first)) != (links[:, 1] < len(first))]
-    joined = np.unique(across)
+    groups = np.repeat([1, 2], [len(first), len(second)])
+    joined = np.unique(connections(points[rows], shown[rows], static, groups))
     return bool(min((joined < len(first)).sum(), (joined >= len(first)).sum()) >= LEAST_TRACKS)
 
 
