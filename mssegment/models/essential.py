@@ -12,14 +12,10 @@ from mssegment.geometry.levenberg_marquardt import State, minimize
 from mssegment.geometry.projective import homogeneous
 from mssegment.geometry.rotations import rotation, skew, step_on_sphere, tangent_basis
 from mssegment.manifolds import Essential as EssentialManifold
-from mssegment.models.base import EXAMPLE_CAMERA, Flags, MotionModel, drop_unweighted
-from mssegment.models.translation import (
-    Translation,
-    calibrated_normalization,
-    epipole_in_pixels,
-    longest_displacement,
-)
-from mssegment.records import Camera, Floats, Integers, Normalization
+from mssegment.models.base import Flags, drop_unweighted
+from mssegment.models.calibrated import CalibratedModel, epipole_in_pixels, seen_by_example
+from mssegment.models.translation import Translation
+from mssegment.records import Floats, Integers, Normalization
 
 FIT_ROUNDS = 10
 FIT_TOLERANCE = 1e-9
@@ -29,7 +25,7 @@ MIN_DETERMINATION = 1e-12
 precision with which the Jacobian is known. Below it the matches do not determine the motion."""
 
 
-class Essential(MotionModel):
+class Essential(CalibratedModel):
     """The essential matrix E with x2' E x1 = 0.
 
     The object moves by t and then turns with R relative to the camera, X2 = R (X1 + t) and
@@ -46,8 +42,6 @@ class Essential(MotionModel):
 
     name: ClassVar[str] = "essential"
     purpose: ClassVar[str] = "rigid objects that translate and rotate before a calibrated camera"
-    needs_camera: ClassVar[bool] = True
-    leaves_parallax_free: ClassVar[bool] = True
     sampling_neighbours: ClassVar[int] = 24
 
     def __init__(self) -> None:
@@ -58,28 +52,10 @@ class Essential(MotionModel):
 
     def example_tracks(self, rng: np.random.Generator, count: int) -> Floats:
         """Points at several depths that move and turn in front of ``EXAMPLE_CAMERA``."""
-        camera = EXAMPLE_CAMERA
-        focal, middle = np.array([camera.fx, camera.fy]), np.array([camera.cx, camera.cy])
-        x = rng.uniform([50.0, 50.0], [600.0, 430.0], (count, 2))
-        space = homogeneous((x - middle) / focal) * rng.uniform(3.0, 5.0, (count, 1))
+        space = self.example_space(rng, count, 600.0, 430.0)
         turn = rotation(0.1 * rng.uniform(-1.0, 1.0, 3))
         moved = (space + np.array([0.4, -0.25, 0.3]) * rng.uniform(0.8, 1.2, 3)) @ turn.T
-        return np.stack([s[:, :2] / s[:, 2:] * focal + middle for s in (space, moved)], axis=1)
-
-    def normalization(self, points: Floats, camera: Camera | None = None) -> Normalization:
-        """Normalized image coordinates: principal point at the origin, focal length 1.
-
-        Raises
-        ------
-        ValueError
-            Without a camera.
-        """
-        return calibrated_normalization(self.name, points.shape[1], camera)
-
-    def observe(self, points: Floats, normalization: Normalization) -> Floats:
-        """Normalized image coordinates [P, 2, 2]."""
-        focal = normalization.scale * np.array([1.0, normalization.aspect])
-        return np.asarray((points - normalization.centres) / focal)
+        return seen_by_example(space, moved)
 
     def minimal_fit(self, samples: Floats) -> tuple[Floats, Flags]:
         """Least squares on six matches [B, 6, 2, 2], from the best solution for the first five."""
@@ -127,10 +103,6 @@ class Essential(MotionModel):
         along = _along(points, *_rays(observed))
         return np.maximum(along * normalization.scale, 0.0)
 
-    def orientations(self, points: Floats) -> Floats:
-        """Both E and -E, with t and -t."""
-        return np.concatenate([points, -points])
-
     def algebraic_residuals(
         self, points: Floats, observed: Floats, normalization: Normalization
     ) -> Floats:
@@ -144,10 +116,6 @@ class Essential(MotionModel):
         (direction,), (turn,) = _poses(point[None])
         epipole = epipole_in_pixels(direction, normalization)
         return {"direction": direction, "rotation": turn, "epipole": epipole}
-
-    def log_free_extent(self, observed: Floats, normalization: Normalization) -> float:
-        """Along its epipolar line a match may move as far as the longest match does."""
-        return longest_displacement(observed, normalization)
 
 
 _SIDEWAYS = skew(np.array([1.0, 0.0, 0.0]))

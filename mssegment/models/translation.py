@@ -17,8 +17,9 @@ from mssegment.geometry.levenberg_marquardt import State, minimize
 from mssegment.geometry.projective import homogeneous
 from mssegment.geometry.rotations import rotate_rays, step_on_sphere
 from mssegment.manifolds import Grassmann
-from mssegment.models.base import EXAMPLE_CAMERA, Flags, MotionModel, drop_unweighted
-from mssegment.records import LARGEST_COORDINATE, Camera, Floats, Integers, Normalization
+from mssegment.models.base import Flags, drop_unweighted
+from mssegment.models.calibrated import CalibratedModel, epipole_in_pixels, seen_by_example
+from mssegment.records import Floats, Integers, Normalization
 
 MIN_SINE = 0.01
 """Smallest sine of the angle between the two rows; below it their cross product is noise."""
@@ -29,7 +30,7 @@ FIT_TOLERANCE = 1e-6
 """Relative change of the cost at which a fit has converged."""
 
 
-class Translation(MotionModel):
+class Translation(CalibratedModel):
     """The translation t of the camera relative to the object, with t . (x1 x x2) = 0.
 
     An elemental subset is two matches; the residual is the Sampson distance.
@@ -44,9 +45,7 @@ class Translation(MotionModel):
 
     name: ClassVar[str] = "translation"
     purpose: ClassVar[str] = "a camera and rigid objects that translate"
-    needs_camera: ClassVar[bool] = True
     assumes_no_rotation: ClassVar[bool] = True
-    leaves_parallax_free: ClassVar[bool] = True
     min_displacement: ClassVar[float] = 2.0
 
     def __init__(self) -> None:
@@ -57,27 +56,13 @@ class Translation(MotionModel):
 
     def example_tracks(self, rng: np.random.Generator, count: int) -> Floats:
         """Points at several depths that translate in front of ``EXAMPLE_CAMERA``."""
-        camera = EXAMPLE_CAMERA
-        focal, middle = np.array([camera.fx, camera.fy]), np.array([camera.cx, camera.cy])
-        x = rng.uniform([50.0, 50.0], [300.0, 250.0], (count, 2))
-        space = homogeneous((x - middle) / focal) * rng.uniform(3.0, 5.0, (count, 1))
+        space = self.example_space(rng, count, 300.0, 250.0)
         moved = space + np.array([0.12, -0.08, 0.2]) * rng.uniform(0.8, 1.2, 3)
-        return np.stack([s[:, :2] / s[:, 2:] * focal + middle for s in (space, moved)], axis=1)
-
-    def normalization(self, points: Floats, camera: Camera | None = None) -> Normalization:
-        """Normalized image coordinates: principal point at the origin, focal length 1.
-
-        Raises
-        ------
-        ValueError
-            Without a camera.
-        """
-        return calibrated_normalization(self.name, points.shape[1], camera)
+        return seen_by_example(space, moved)
 
     def observe(self, points: Floats, normalization: Normalization) -> Floats:
         """Normalized image coordinates [P, 2, 2], view 2 in the orientation of view 1."""
-        focal = normalization.scale * np.array([1.0, normalization.aspect])
-        observed = np.asarray((points - normalization.centres) / focal)
+        observed = super().observe(points, normalization)
         if normalization.rotation is not None:
             observed[:, 1] = rotate_rays(_rays(observed)[1], normalization.rotation)[:, :2]
         return observed
@@ -142,10 +127,6 @@ class Translation(MotionModel):
         along = translation_errors(points[..., 0], *_rays(observed))[1]
         return np.maximum(along * normalization.scale, 0.0)
 
-    def orientations(self, points: Floats) -> Floats:
-        """Both t and -t: a mode is a line without a sign."""
-        return np.concatenate([points, -points])
-
     def algebraic_residuals(
         self, points: Floats, observed: Floats, normalization: Normalization
     ) -> Floats:
@@ -175,33 +156,6 @@ class Translation(MotionModel):
             "it, at any speed, have the same direction and cannot be separated by model "
             "translation; use model affine or factorization for them",
         )
-
-    def log_free_extent(self, observed: Floats, normalization: Normalization) -> float:
-        """Along its epipolar line a match may move as far as the longest match does."""
-        return longest_displacement(observed, normalization)
-
-
-def calibrated_normalization(model: str, frames: int, camera: Camera | None) -> Normalization:
-    """Principal point at the origin, focal length 1; raises ValueError without a camera."""
-    if camera is None:
-        raise ValueError(f"{model} needs a camera")
-    centres = np.tile([camera.cx, camera.cy], (frames, 1))
-    return Normalization(centres, camera.fx, camera.fy / camera.fx)
-
-
-def epipole_in_pixels(direction: Floats, normalization: Normalization) -> Floats:
-    """The vanishing point [2] of a direction [3] in the first view; NaN if it is very far away."""
-    focal = normalization.scale * np.array([1.0, normalization.aspect])
-    with np.errstate(divide="ignore", invalid="ignore"):
-        epipole = normalization.centres[0] + focal * direction[:2] / direction[2]
-    near = (np.abs(epipole) <= LARGEST_COORDINATE).all()
-    return np.asarray(epipole) if near else np.full(2, np.nan)
-
-
-def longest_displacement(observed: Floats, normalization: Normalization) -> float:
-    """Natural logarithm of the longest displacement of a match in pixels, at least zero."""
-    shift = (observed[:, 1] - observed[:, 0]) * normalization.scale
-    return float(np.log(max(np.linalg.norm(shift, axis=1).max(initial=0.0), 1.0)))
 
 
 def orient(directions: Floats, matches: Floats, weights: Floats) -> Floats:
