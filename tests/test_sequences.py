@@ -18,7 +18,7 @@ from mssegment.sequences.lifetimes import (
     rates_of_endings,
 )
 from mssegment.sequences.membership import members, without_strangers
-from mssegment.sequences.parts import coherent, join_parts, split_apart
+from mssegment.sequences.parts import coherent, join_parts, split_apart, without_borders
 from mssegment.sequences.reappearance import Sight, reappeared
 from mssegment.sequences.separation import separated
 from mssegment.sequences.short_tracks import label_short_tracks
@@ -330,6 +330,19 @@ class TestParts:
         found = split_apart(points, together, seen(points))
         assert len(set(found[:25])) == len(set(found[25:50])) == 1
         assert set(found[:50]) == {1, 2}
+
+    def test_the_border_of_what_passes_is_no_object(self) -> None:
+        border = block((200, 200), (2.5, 0)) * [1, 0] + [0, 228]  # in a line below the body
+        points, labels = parts(block((200, 200), (5, 0)), border[:24])
+        labels = np.where(np.arange(len(labels)) == 49, BACKGROUND, labels)
+        assert set(without_borders(points, labels, seen(points))[25:49]) == {OUTLIER}
+
+    def test_what_moves_as_fast_or_elsewhere_is_no_border(self) -> None:
+        for other in (block((200, 300), (2.5, 0)), block((200, 228), (-2.5, 0))):
+            points, labels = parts(block((200, 200), (5, 0)), other[:24])
+            labels = np.where(np.arange(len(labels)) == 49, BACKGROUND, labels)
+            found = without_borders(points, labels, seen(points))
+            np.testing.assert_array_equal(found, labels)
 
     def test_tracks_that_move_one_after_the_other_are_no_object(self) -> None:
         points, labels = parts(block((200, 200), (5, 0)), block((400, 400), (0, 0)))

@@ -28,7 +28,7 @@ from mssegment.records import (
     replace,
 )
 from mssegment.sequences.membership import members, without_strangers
-from mssegment.sequences.parts import coherent, join_parts, split_apart
+from mssegment.sequences.parts import coherent, join_parts, split_apart, without_borders
 from mssegment.sequences.short_tracks import label_short_tracks
 
 LEAST_LENGTH = 3
@@ -133,7 +133,7 @@ def _objects(points: Floats, visible: Flags, labels: Integers) -> Integers:
     shown = members(points, labels)
     own = without_strangers(labels, visible, shown)
     pieces = coherent(points, split_apart(points, own, shown), shown)
-    return join_parts(points, pieces, shown)
+    return without_borders(points, join_parts(points, pieces, shown), shown)
 
 
 def _motions(motions: Sequence[Motion], labels: Integers, objects: Integers) -> tuple[Motion, ...]:

@@ -69,7 +69,7 @@ class BodyFrame(Record, frozen=True):
 
 
 def connections(
-    points: Floats, shown: Flags, static: Floats, groups: Integers | None = None
+    points: Floats, shown: Flags, others: Floats, groups: Integers | None = None
 ) -> Integers:
     """Pairs of tracks of a group that are neighbours on one object.
 
@@ -79,16 +79,16 @@ def connections(
         The tracks in pixels.
     shown : ndarray [n, F] of bool
         The frames in which they move with the group.
-    static : ndarray [s, F, 2]
-        The tracks of the static world, NaN where they are not visible.
+    others : ndarray [s, F, 2]
+        Tracks of the static world or of other groups, NaN where they are not visible.
     groups : ndarray [n] of int64, optional
         Only pairs across groups are wanted.
 
     Returns
     -------
     ndarray [k, 2] of int64
-        Neighbours in the frame that moves along, without something static between them at most of
-        the moments that show both.
+        Neighbours in the frame that moves along, without another track between them at most of the
+        moments that show both.
     """
     body = BodyFrame.of(points, shown)
     spacing = _spacing(points, shown)
@@ -100,7 +100,7 @@ def connections(
         edges = _neighbours(body.places, rows[certain])
         if groups is not None:
             edges = edges[groups[edges[:, 0]] != groups[edges[:, 1]]]
-        together, separated = _between(points, shown, static, edges)
+        together, separated = _between(points, shown, others, edges)
         distance = np.linalg.norm(body.places[edges[:, 0]] - body.places[edges[:, 1]], axis=1)
         near = distance <= CONNECTED * spacing
         found.append(edges[np.where(together > 0, 2 * separated < together, near)])
@@ -128,7 +128,7 @@ def _neighbours(places: Floats, rows: Integers) -> Integers:
 
 
 def _between(
-    points: Floats, shown: Flags, static: Floats, pairs: Integers
+    points: Floats, shown: Flags, others: Floats, pairs: Integers
 ) -> tuple[Integers, Integers]:
     """At how many moments each pair is visible together, and at how many with something between."""
     together = np.zeros(len(pairs), dtype=np.int64)
@@ -137,7 +137,7 @@ def _between(
     count = min(len(frames), MOMENTS)
     for frame in frames[np.linspace(0, len(frames) - 1, count).round().astype(int)]:
         both = np.flatnonzero(shown[pairs[:, 0], frame] & shown[pairs[:, 1], frame])
-        here = static[np.isfinite(static[:, frame, 0]), frame]
+        here = others[np.isfinite(others[:, frame, 0]), frame]
         together[both] += 1
         if not len(both) or not len(here):
             continue

@@ -27,7 +27,7 @@ from mssegment.records import (
 )
 from mssegment.sequences.extent import Whole
 from mssegment.sequences.history import STATIC_WORLD, TrackHistory, vote_table
-from mssegment.sequences.parts import move_alike
+from mssegment.sequences.parts import TRACKED_WINDOW, move_alike
 from mssegment.sequences.reappearance import Sight, reappeared, sight
 from mssegment.sequences.separation import separated
 
@@ -35,8 +35,6 @@ Votes = Mapping[int, float]
 
 LEAST_VOTES = 3.0
 """Tracks that a motion must share with an object: as many as determine an affine motion."""
-DRAGGED = 15.0
-"""Pixels; the side of the window of the tracker (``imaging.matching.klt``)."""
 NO_OBJECT = -1
 """The identity of what is no object."""
 LEAST_SHARE = 0.5
@@ -198,7 +196,7 @@ class IdentityTracker(State):
         for j, rows in enumerate(own):
             moved = _net_displacement(window.points[rows])
             was_static = 2 * votes[j].get(STATIC_WORLD, 0.0) > len(rows)
-            if was_static and moved < DRAGGED:
+            if was_static and moved < TRACKED_WINDOW:
                 found.add(j)
         return found
 

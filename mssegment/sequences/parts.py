@@ -27,6 +27,8 @@ COMPARED_FRAMES = 8
 """Moments at which two groups are compared."""
 LONGEST_STEP = 8
 """Frames over which velocities are measured, at most."""
+TRACKED_WINDOW = 15.0
+"""Pixels; the side of the window of the tracker (``imaging.matching.klt``)."""
 LEAST_FOR_AFFINE = 9
 """Tracks from which on an affine map is fitted to their velocities: three times its minimum."""
 
@@ -82,13 +84,19 @@ def join_parts(points: Floats, labels: Integers, shown: Flags) -> Integers:
         The labels 1..k, the largest group first.
     """
     count = int(labels.max(initial=0))
-    static = points[labels == BACKGROUND]
+    judged = (labels > 0) | (labels == BACKGROUND)
     rows = [np.flatnonzero(labels == label) for label in range(count + 1)]
     pairs = [
         (first - 1, second - 1)
         for first in range(1, count + 1)
         for second in range(first + 1, count + 1)
-        if _are_parts(points, shown, static, rows[first], rows[second])
+        if _are_parts(
+            points,
+            shown,
+            judged & (labels != first) & (labels != second),
+            rows[first],
+            rows[second],
+        )
     ]
     links = np.array(pairs, dtype=np.int64).reshape(-1, 2)
     graph = coo_matrix((np.ones(len(links), dtype=np.int8), links.T), shape=(count, count))
@@ -101,7 +109,7 @@ def join_parts(points: Floats, labels: Integers, shown: Flags) -> Integers:
 
 
 def _are_parts(
-    points: Floats, shown: Flags, static: Floats, first: Integers, second: Integers
+    points: Floats, shown: Flags, others: Flags, first: Integers, second: Integers
 ) -> bool:
     """Whether some tracks of two groups are neighbours on an object, and both move alike."""
     own = [np.where(shown[rows][..., None], points[rows], np.nan) for rows in (first, second)]
@@ -109,7 +117,7 @@ def _are_parts(
         return False
     rows = np.concatenate([first, second])
     groups = np.repeat([1, 2], [len(first), len(second)])
-    joined = np.unique(connections(points[rows], shown[rows], static, groups))
+    joined = np.unique(connections(points[rows], shown[rows], points[others], groups))
     return bool(min((joined < len(first)).sum(), (joined >= len(first)).sum()) >= LEAST_TRACKS)
 
 
@@ -167,6 +175,68 @@ def _incoherence(points: Floats, visible: Flags) -> float:
 def _step(frames: int) -> int:
     """The number of frames over which velocities are measured."""
     return max(1, min(frames // 4, LONGEST_STEP))
+
+
+def without_borders(points: Floats, labels: Integers, shown: Flags) -> Integers:
+    """The labels without groups that are only the border of a faster one: these are outliers.
+
+    Along a border a tracker sees both sides in its window, and follows a mean of both motions.
+
+    Parameters
+    ----------
+    points : ndarray [P, F, 2]
+        Tracks in pixels, NaN where a point is not visible.
+    labels : ndarray [P] of int64
+        1..m for groups, before a static camera.
+    shown : ndarray [P, F] of bool
+        The frames in which each track moves with its group.
+
+    Returns
+    -------
+    ndarray [P] of int64
+        The labels 1..k of the groups that are left, the largest first.
+    """
+    seen = np.where(shown[..., None], points, np.nan)
+    rows = [np.flatnonzero(labels == label) for label in range(int(labels.max(initial=0)) + 1)]
+    found = labels.copy()
+    for own in rows[1:]:
+        larger = [other for other in rows[1:] if len(other) > len(own)]
+        if any(_is_border(seen[own], seen[other]) for other in larger):
+            found[own] = OUTLIER
+    return by_size(found)
+
+
+def _is_border(own: Floats, other: Floats) -> bool:
+    """Whether tracks [n, F, 2] follow a mean of rest and of the motion of others near them."""
+    step = _step(own.shape[1])
+    known = [
+        np.isfinite(one[:, step:, 0] - one[:, :-step, 0]).sum(axis=0) >= LEAST_TRACKS
+        for one in (own, other)
+    ]
+    frames = np.flatnonzero(known[0] & known[1])
+    if not len(frames):
+        return False
+    frames = np.unique(frames[np.linspace(0, len(frames) - 1, COMPARED_FRAMES).round().astype(int)])
+    slow, fast = (
+        np.nanmedian(one[:, frames + step] - one[:, frames], axis=0) for one in (own, other)
+    )
+    share = float((slow * fast).sum() / max((fast * fast).sum(), 1e-12))
+    left = float(np.linalg.norm(slow - share * fast, axis=1).sum())
+    if not 0 < share < 1 or left > LARGEST_RELIEF * float(np.linalg.norm(fast, axis=1).sum()):
+        return False
+    apart = np.concatenate(
+        [
+            np.min(
+                np.linalg.norm(_visible(own[:, f])[:, None] - _visible(other[:, f]), axis=2), axis=1
+            )
+            for f in frames
+        ]
+    )
+    return bool(np.median(apart) <= TRACKED_WINDOW)
+
+
+def _visible(points: Floats) -> Floats:
+    return points[np.isfinite(points[:, 0])]
 
 
 def move_alike(first: Floats, second: Floats) -> bool:
