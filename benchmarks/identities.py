@@ -1,6 +1,6 @@
 """Identities in long clips: bodies that enter, stop, are hidden and leave, scored as in MOT.
 
-    python -m benchmarks.identities [--seeds 3] [--bodies 10] [--frames 600]
+    python -m benchmarks.identities [--seeds 3] [--bodies 10] [--frames 600] [--kind other]
 
 The clips are drawn here: textured ellipses and rectangles cross a textured wall behind two pillars.
 A body counts where at least a quarter of it is visible; boxes match from an IoU of one half on. The
@@ -20,7 +20,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from mssegment.clips.exports import sightings
+from mssegment.clips.exports import box_of, sightings
 from mssegment.clips.frames import frames_of
 from mssegment.clips.process import process
 from mssegment.clips.store import ClipStore
@@ -32,11 +32,27 @@ from mssegment.records import Frame, Record
 WIDTH, HEIGHT = 640, 480
 LEAST_VISIBLE = 0.25
 MATCHING_IOU = 0.5
-PILLARS = ((200, 40), (430, 40))
-"""Left side and width of what hides the bodies, in pixels."""
-
 Boxes = dict[int, tuple[float, float, float, float]]
 Picture = npt.NDArray[np.float32]
+
+
+class Kind(Record, frozen=True):
+    """What is drawn: sizes of bodies, their speeds, and the grain of their pictures, from - to.
+
+    Pixels, and pixels a frame; ``posts`` have a left side and a width.
+    """
+
+    posts: tuple[tuple[int, int], ...]
+    sizes: tuple[int, int]
+    speeds: tuple[float, float]
+    grain: tuple[float, float]
+
+
+KINDS = {
+    "first": Kind(((200, 40), (430, 40)), (60, 110), (1.5, 4.5), (4, 9)),
+    "other": Kind(((120, 24), (330, 60), (520, 24)), (40, 80), (1.0, 6.0), (3, 12)),
+}
+"""The settings were chosen on the first kind; the other one is for reports."""
 
 
 class Body(Record, frozen=True):
@@ -65,15 +81,15 @@ def texture(rng: np.random.Generator, height: int, width: int, grain: float) -> 
     return np.asarray(np.clip(drawn, 0, 255), np.float32)
 
 
-def random_body(rng: np.random.Generator, frames: int, entry: int) -> Body:
+def random_body(rng: np.random.Generator, kind: Kind, frames: int, entry: int) -> Body:
     """A body that enters at a side, and may stop for a while on its way to the other."""
-    height, width = (int(n) for n in rng.integers(60, 110, 2))
+    height, width = (int(n) for n in rng.integers(*kind.sizes, 2))
     mask = np.ones((height, width), np.float32)
     if rng.random() < 0.5:
         mask = np.zeros_like(mask)
         centre, axes = (width // 2, height // 2), (width // 2, height // 2)
         cv2.ellipse(mask, centre, axes, 0, 0, 360, 1.0, -1)
-    speed = rng.uniform(1.5, 4.5)
+    speed = rng.uniform(*kind.speeds)
     rightwards = rng.random() < 0.5
     velocity = np.array([speed if rightwards else -speed, rng.uniform(-0.5, 0.5)])
     start = np.array([-width if rightwards else WIDTH, rng.uniform(30, HEIGHT - height - 30)])
@@ -87,20 +103,20 @@ def random_body(rng: np.random.Generator, frames: int, entry: int) -> Body:
             place = place + velocity
         if not -width <= place[0] <= WIDTH:
             break
-    return Body(texture(rng, height, width, rng.uniform(4, 9)), mask, path)
+    return Body(texture(rng, height, width, rng.uniform(*kind.grain)), mask, path)
 
 
 def draw_clip(
-    rng: np.random.Generator, bodies: int, frames: int
+    rng: np.random.Generator, bodies: int, frames: int, kind: Kind = KINDS["first"]
 ) -> tuple[list[StoredPicture], list[Boxes]]:
     """The frames, and the box of every body that is visible in each."""
     wall = 0.5 * texture(rng, HEIGHT, WIDTH, 10) + 60
     pillar = np.zeros((HEIGHT, WIDTH), bool)
-    for left, width in PILLARS:
+    for left, width in kind.posts:
         pillar[:, left : left + width] = True
     front = texture(rng, HEIGHT, WIDTH, 6)
     entries = np.linspace(0, frames * 0.75, bodies).astype(int)
-    moving = [random_body(rng, frames, int(entry)) for entry in entries]
+    moving = [random_body(rng, kind, frames, int(entry)) for entry in entries]
     pictures, truth = [], []
     for frame in range(frames):
         picture, owner = wall.copy(), np.zeros((HEIGHT, WIDTH), np.int64)
@@ -145,8 +161,7 @@ def found_boxes(store: ClipStore, windows: int) -> list[Boxes]:
     for frame in frames_of(store, windows):
         own: Boxes = {}
         for identity, points in sightings(frame):
-            (left, top), (right, bottom) = points.min(axis=0), points.max(axis=0)
-            own[identity] = (left, top, right - left, bottom - top)
+            own[identity] = box_of(points)
         boxes.append(own)
     return boxes
 
@@ -187,10 +202,13 @@ def main() -> None:
     parser.add_argument("--seeds", type=int, nargs="+", default=[1, 2, 3])
     parser.add_argument("--bodies", type=int, default=10)
     parser.add_argument("--frames", type=int, default=600)
+    parser.add_argument("--kind", choices=sorted(KINDS), default="first")
     parser.add_argument("--keep", type=Path, help="also write the files and pictures there")
     chosen = parser.parse_args()
     for seed in chosen.seeds:
-        pictures, truth = draw_clip(np.random.default_rng(seed), chosen.bodies, chosen.frames)
+        pictures, truth = draw_clip(
+            np.random.default_rng(seed), chosen.bodies, chosen.frames, KINDS[chosen.kind]
+        )
         clip = DrawnClip(("drawn",), False, 0, None, 1, "", tuple(pictures))
         with tempfile.TemporaryDirectory() as folder:
             out = Path(folder) if chosen.keep is None else chosen.keep / str(seed)

@@ -10,7 +10,12 @@ import pytest
 from mssegment.models import Flags
 from mssegment.records import BACKGROUND, NOT_JUDGED, OUTLIER, Floats, Integers
 from mssegment.sequences.extent import Whole
-from mssegment.sequences.identities import IdentityTracker, WindowIdentities, WindowLabels
+from mssegment.sequences.identities import (
+    NO_OBJECT,
+    IdentityTracker,
+    WindowIdentities,
+    WindowLabels,
+)
 from mssegment.sequences.lifetimes import (
     ONE_WINDOW,
     WindowLimits,
@@ -149,6 +154,12 @@ class TestIdentities:
         scene.add(0, {1: 1, 2: 2})
         scene.add(15, {1: 1, 2: 2})
         assert scene.add(30, {1: 1, 2: 1}).merged == {2: 1}
+
+    def test_what_moves_less_than_the_tracker_sees_is_no_object(self) -> None:
+        for speed, found in ((0.4, (NO_OBJECT,)), (1.0, (1,))):
+            points, labels = parts(block((200, 200), (speed, 0)))
+            window = WindowLabels(0, np.arange(len(points)), points, labels)
+            assert IdentityTracker(SIZE).add(window).motions == found
 
     def test_the_camera_has_one_identity(self) -> None:
         scene = Scene()

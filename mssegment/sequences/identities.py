@@ -154,8 +154,15 @@ class IdentityTracker(State):
         hidden = {j: one for j, one in first.items() if not identity[j]}
         identity |= self._again(hidden, set(identity.values()))
         origins = {}
+        static_camera = bool((window.labels == BACKGROUND).any())
         for j in new:
-            if not identity[j]:
+            if (
+                not identity[j]
+                and static_camera
+                and _travel(window.points[own[j]]) < TRACKED_WINDOW
+            ):
+                identity[j] = NO_OBJECT
+            elif not identity[j]:
                 self.objects += 1
                 identity[j] = self.objects
                 parent = _parent(votes[j])
@@ -344,6 +351,17 @@ class IdentityTracker(State):
             for k, v in self.together.items()
             if k in known_still
         }
+
+
+def _travel(points: Floats) -> float:
+    """How far tracks [n, L, 2] move as a group, in pixels.
+
+    What moved less than the window of the tracker may have been taken along, or have slipped.
+    """
+    with_next = np.isfinite(points[:, 1:, 0]) & np.isfinite(points[:, :-1, 0])
+    frames = np.flatnonzero(with_next.any(axis=0))
+    steps = np.nanmedian(points[:, frames + 1] - points[:, frames], axis=0)
+    return float(np.linalg.norm(steps.sum(axis=0))) if len(frames) else 0.0
 
 
 def _net_displacement(points: Floats) -> float:
