@@ -20,6 +20,7 @@ from mssegment.geometry.epipolar_fit import (
     fit_epipolar,
     mapped_points,
 )
+from mssegment.geometry.robust import student_t_weights
 from mssegment.models import Flags
 from mssegment.records import Floats, Record
 from mssegment.segmentation.rigid_join.depths import (
@@ -27,7 +28,12 @@ from mssegment.segmentation.rigid_join.depths import (
     EpipolarCoordinates,
     middle_and_relief,
 )
-from mssegment.segmentation.rigid_join.epipoles import SCALE_OF_NOISE, EpipoleTable, Parallax
+from mssegment.segmentation.rigid_join.epipoles import (
+    FREEDOM,
+    SCALE_OF_NOISE,
+    EpipoleTable,
+    Parallax,
+)
 from mssegment.segmentation.rigid_join.residuals import noise_of_groups
 from mssegment.segmentation.selection import Body
 from mssegment.special import quantile
@@ -41,6 +47,8 @@ INDEPENDENT_MATCHES = 50
 no surface is exactly flat."""
 SAMPLED_MATCHES = 200
 """Matches of a group that are looked at."""
+MOMENT_ROUNDS = 6
+"""Rounds of reweighting of the moments of a misfit."""
 OVERFIT = 0.5
 """Nats that a fitted parameter gains on noise."""
 PARAMETERS_APART = 3.0
@@ -51,7 +59,7 @@ class _Group(Record, frozen=True):
     """The matches [n, 2] of a group (a sample), the size of the group, and its weight for each.
 
     ``plane`` is compatible with the epipolar geometry that fits the group alone, whose evidence is
-    ``own``.
+    ``own``; ``noise`` are the second moments [2, 2] of the misfit about it, zero if that is relief.
     """
 
     name: int
@@ -61,6 +69,7 @@ class _Group(Record, frozen=True):
     weight: float
     plane: Floats
     own: float
+    noise: Floats
 
 
 class _Hypothesis(Record, frozen=True):
@@ -148,9 +157,22 @@ def _group(matches: Floats, name: int, scale: float) -> _Group:
     plane = compatible_plane(fit.matrix, first, second, scale)
     places = mapped_points(plane, first)[0]
     same = np.zeros(len(sample), dtype=np.int64)
-    parallax = Parallax(places, second - places, same, np.array([weight]), scale)
+    noise = _noise_of_flat(second - places, scale)
+    parallax = Parallax(places, second - places, same, np.array([weight]), scale, noise[None])
     table = EpipoleTable.of(parallax, fit.epipole)
-    return _Group(name, first, second, size, weight, plane, table.log_mean([0]))
+    return _Group(name, first, second, size, weight, plane, table.log_mean([0]), noise)
+
+
+def _noise_of_flat(misfits: Floats, scale: float) -> Floats:
+    """Robust second moments [2, 2] of misfits about a plane; zero if they exceed noise."""
+    moments = np.eye(2) * scale**2
+    for _ in range(MOMENT_ROUNDS):
+        regular = moments + 1e-6 * scale**2 * np.eye(2)
+        square = ((misfits @ np.linalg.inv(regular)) * misfits).sum(axis=1)
+        weights = student_t_weights(square, FREEDOM, 2)
+        moments = (misfits * weights[:, None]).T @ misfits / len(misfits)
+    flat = float(np.linalg.eigvalsh(moments)[-1]) <= scale**2
+    return moments if flat else np.zeros((2, 2))
 
 
 def _body_of_first(groups: Sequence[_Group], scale: float) -> _Hypothesis:
@@ -189,6 +211,7 @@ def _table(groups: Sequence[_Group], fit: EpipolarFit, scale: float) -> tuple[Ep
         np.repeat(np.arange(len(groups)), [len(place) for place in places]),
         np.array([group.weight for group in groups]),
         scale,
+        np.stack([group.noise for group in groups]),
     )
     table = EpipoleTable.of(parallax, fit.epipole)
     apart = np.array(
