@@ -15,6 +15,7 @@ from mssegment.segmentation.rigid_join.depths import (
     EpipolarCoordinates,
     middle_and_relief,
 )
+from mssegment.segmentation.rigid_join.epipoles import Parallax
 
 FOCAL, CENTRE = 700.0, np.array([320.0, 240.0])
 NOISE = 0.3
@@ -112,3 +113,17 @@ def test_what_moves_along_the_epipolar_lines_beyond_all_depths_is_another_body(
     bodies = rigid_bodies(np.concatenate(parts), members, NOISE * np.sqrt(2))
     expected = [[0, 1], [2]] if moves else [[0, 1, 2]]
     assert sorted(sorted(body.members) for body in bodies) == expected
+
+
+def test_noise_of_a_flat_group_prefers_no_epipole() -> None:
+    rng = np.random.default_rng(7)
+    places, shifts = rng.uniform(-1, 1, (50, 2)), rng.normal(0, 0.01, (50, 2))
+    epipoles = rng.normal(size=(200, 3)) * [1.0, 1.0, 0.1]
+    same, weights = np.zeros(50, dtype=np.int64), np.ones(1)
+    moments = (shifts.T @ shifts / 50)[None]
+    spread = [
+        Parallax(places, shifts, same, weights, 0.0116, noise).log_likelihood(epipoles).std()
+        for noise in (np.zeros((1, 2, 2)), moments)
+    ]
+    assert spread[0] > 1
+    assert spread[1] < spread[0] / 2
