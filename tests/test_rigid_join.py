@@ -151,3 +151,22 @@ def test_the_noise_is_what_epipolar_geometry_leaves(noise: float) -> None:
     assert among_neighbours > 2 * noise
     assert 0.8 * noise < noise_of_groups(points, everything, among_neighbours) < 1.25 * noise
     assert noise_of_groups(points, everything, 0.3 * noise) == 0.3 * noise
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_a_given_number_is_that_of_rigid_bodies(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    places = (((30, 30), 6.0), ((240, 300), 12.0), ((450, 30), 20.0), ((230, 60), 9.0))
+    walls = [wall(rng, 60, corner, depth) for corner, depth in places]
+    camera = np.array([0.01, -0.02, 0.015]), np.array([0.6, 0.2, 0.15])
+    body = np.array([-0.03, 0.05, 0.1]), np.array([0.2, -0.8, -0.4])
+    points = np.concatenate(
+        [seen(own, *(body if k == 3 else camera), rng) for k, own in enumerate(walls)]
+    )
+    settings = {"background.remove": False, "segment.motions": 2, "segment.granularity": "object"}
+    found = mssegment.segment_tracks(points, settings, frame_size=(640, 480))
+    assert len(found.motions) == 2
+    assert (found.labels[:180] == 1).mean() > 0.95
+    assert (found.labels[180:] == 2).mean() > 0.95
+    more = {**settings, "segment.motions": 4}
+    assert len(mssegment.segment_tracks(points, more, frame_size=(640, 480)).motions) == 4

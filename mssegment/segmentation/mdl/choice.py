@@ -42,7 +42,7 @@ from mssegment.segmentation.mdl.labelling import (
 )
 from mssegment.segmentation.mdl.likelihood import Noise, uniform_cost
 from mssegment.segmentation.mdl.refinement import refit_once
-from mssegment.segmentation.mdl.rigid_motions import joined, with_numbers
+from mssegment.segmentation.mdl.rigid_motions import joined, may_join, with_numbers
 from mssegment.segmentation.mdl.search import improve, refitted, start
 from mssegment.segmentation.options import Granularity
 from mssegment.segmentation.selection import (
@@ -117,6 +117,21 @@ def mdl(problem: SelectionProblem, ingredients: Ingredients = ALL_INGREDIENTS) -
     problem, notes = decide_granularity(problem, ingredients)
     if not is_of_pictures(problem):
         return _structures(problem, ingredients)
+    given = problem.options.motions
+    if given is not None and may_join(problem):
+        # a number of motions is one of rigid bodies, which may consist of more
+        free = replace(problem.options, motions=None, min_motions=given)
+        found = _of_pictures(replace(problem, options=free), ingredients, notes)
+        if len(found.bodies or ()) == given:
+            return found
+    return _of_pictures(problem, ingredients, notes)
+
+
+def _of_pictures(
+    problem: SelectionProblem, ingredients: Ingredients, notes: Sequence[str]
+) -> SelectionResult:
+    """The motions of pictures, with ``notes`` and those on the motions."""
+    notes = list(notes)
     best, description = shortest_description(problem, ingredients)
     labels, best = final_labels(problem, best, description, ingredients.neighbour_labels)
     if problem.options.granularity == "object" and problem.options.motions is None:

@@ -26,13 +26,26 @@ LABEL_ROUNDS = 3
 """Rounds of labels and epipolar geometries of the bodies; later ones change few labels."""
 
 
+def may_join(problem: SelectionProblem) -> bool:
+    """Whether several motions may be one rigid body.
+
+    Before a static camera, nothing else is static; motions that leave parallax free are rigid
+    bodies already.
+    """
+    return (
+        problem.options.granularity == "object"
+        and not problem.static_camera
+        and problem.points.shape[1] == 2
+        and not any(each.model.leaves_parallax_free for each in problem.observed_sets)
+    )
+
+
 def joined(
     problem: SelectionProblem, labels: Integers, current: Candidates, description: Description
 ) -> tuple[Integers, tuple[Body, ...]]:
     """Join motions that are one rigid body, and label the tracks anew where there are such.
 
-    Before a static camera, nothing else is static; a given number of motions is kept, and so are
-    motions that leave parallax free, each of which is a rigid body.
+    A given number of motions is kept.
 
     Parameters
     ----------
@@ -55,14 +68,7 @@ def joined(
     used = [int(label) - 1 for label in distinct(labels[labels > 0])]
     single = tuple(Body((k,)) for k in used)
     options = problem.options
-    if (
-        options.granularity != "object"
-        or options.motions is not None
-        or problem.static_camera
-        or problem.points.shape[1] != 2
-        or len(used) < 2
-        or any(f.observed_set.model.leaves_parallax_free for f in description.families)
-    ):
+    if options.motions is not None or len(used) < 2 or not may_join(problem):
         return labels, single
     members = [np.asarray(labels == k + 1) for k in used]
     found = rigid_bodies(problem.points, members, problem.noise)
