@@ -447,7 +447,7 @@ def camera_for(
         from mssegment.cameras import fitted
 
         camera, notes = fitted(camera, *_size(frames))
-    names = _sampling(configuration, len(frames))[0].models(len(frames))
+    names = _sampling(configuration, len(frames))[0].models(len(frames), calibrated=True)
     if not any(camera.distortion) and not any(MODELS[name].needs_camera for name in names):
         own = " and ".join(dict.fromkeys(names))
         needing = " or ".join(name for name, model in MODELS.items() if model.needs_camera)

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import mssegment
+from mssegment import models
 from mssegment.evaluation import evaluate
 from mssegment.geometry.five_point import five_point
 from mssegment.geometry.rotations import degrees, rotation, skew
@@ -159,3 +160,28 @@ def test_rotation_and_direction_are_in_the_documents(tmp_path: Path) -> None:
     report = (tmp_path / "out" / "report.json").read_text()
     assert '"rotation"' in report
     assert '"direction"' in report
+
+
+def street(rng: np.random.Generator) -> tuple[Floats, Integers]:
+    """A static scene with depth before a camera that drives forward and turns, and a car."""
+    world = rng.uniform([-6.0, -3.0, 5.0], [6.0, 1.5, 30.0], (150, 3))
+    car = rng.uniform([-1.0, 0.0, 9.0], [1.0, 1.4, 12.0], (50, 3))
+    second = np.concatenate([world, car + np.array([0.9, 0.0, -0.6])])
+    moved = second @ rotation(np.array([0.0, 0.02, 0.0])).T - np.array([0.0, 0.0, 0.8])
+    points = project(np.stack([np.concatenate([world, car]), moved], axis=1))
+    return points + rng.normal(0.0, 0.2, points.shape), np.repeat([1, 2], [150, 50])
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_with_a_camera_auto_sees_a_scene_with_depth_as_one_motion(seed: int) -> None:
+    points, truth = street(np.random.default_rng(seed))
+    found = mssegment.segment_tracks(points, camera=CAMERA)
+    assert len(found.motions) == 2
+    assert "essential" in {motion.model for motion in found.motions}
+    assert evaluate(truth, found.labels).misclassification < 0.04
+
+
+def test_auto_needs_a_camera_for_it() -> None:
+    assert "essential" not in models.automatic(2)
+    assert "essential" in models.automatic(2, calibrated=True)
+    assert "essential" not in models.automatic(5, calibrated=True)

@@ -177,7 +177,8 @@ class HypothesizeSettings(Section, frozen=True):
         ModelName,
         Meta(
             description="Motion model, or the structures of data that is no picture; auto: for two "
-            "views affine or homography, whichever describes the motion with the shorter code; for "
+            "views affine, homography or, with a camera, essential, whichever describes the motion "
+            "with the shorter code; for "
             "more views factorization."
         ),
     ] = "auto"

@@ -88,9 +88,16 @@ def class_named(name: str) -> type[MotionModel]:
     return registry[name]
 
 
-def automatic(frames: int) -> tuple[str, ...]:
-    """List the models that ``hypothesize.model: auto`` uses for tracks over ``frames`` frames."""
-    return tuple(n for n, model in MODELS.items() if model.in_auto and model.accepts(frames))
+def automatic(frames: int, calibrated: bool = False) -> tuple[str, ...]:
+    """List the models that ``hypothesize.model: auto`` uses for tracks over ``frames`` frames.
+
+    ``calibrated`` says whether the camera is known, which some models need.
+    """
+    return tuple(
+        name
+        for name, model in MODELS.items()
+        if model.in_auto and model.accepts(frames) and (calibrated or not model.needs_camera)
+    )
 
 
 def of_set(hypotheses: HypothesisSet) -> MotionModel:

@@ -58,7 +58,8 @@ class MotionModel(ABC):
     coordinates: ClassVar[int | None] = 2
     """Number of coordinates of a point; None for any."""
     in_auto: ClassVar[bool] = False
-    """``hypothesize.model: auto`` includes this model if it accepts the number of frames."""
+    """``hypothesize.model: auto`` includes this model if it accepts the number of frames and, where
+    it needs a camera, there is one."""
     needs_camera: ClassVar[bool] = False
     assumes_no_rotation: ClassVar[bool] = False
     """The model does not allow for rotation of the camera, which must be compensated first."""

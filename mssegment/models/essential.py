@@ -18,6 +18,8 @@ from mssegment.models.translation import Translation
 from mssegment.records import Floats, Integers, Normalization
 
 FIT_ROUNDS = 10
+SCREENING_ROUNDS = 2
+"""Rounds after which the best of several starts is chosen."""
 FIT_TOLERANCE = 1e-9
 """Relative change of the cost at which a fit has converged."""
 MIN_DETERMINATION = 1e-12
@@ -42,6 +44,7 @@ class Essential(CalibratedModel):
 
     name: ClassVar[str] = "essential"
     purpose: ClassVar[str] = "rigid objects that translate and rotate before a calibrated camera"
+    in_auto: ClassVar[bool] = True
     sampling_neighbours: ClassVar[int] = 24
 
     def __init__(self) -> None:
@@ -82,9 +85,10 @@ class Essential(CalibratedModel):
             _poses(_eight_point(matches, weights)),
             _poses(_best_of_five(five, matches, weights)[0]),
         ]
-        found = np.stack([_refined(start, matches, weights) for start in starts])
+        found = np.stack([_refined(start, matches, weights, SCREENING_ROUNDS) for start in starts])
         costs = np.stack([_cost(points, matches, weights) for points in found])
-        points = np.take_along_axis(found, costs.argmin(axis=0)[None, :, None, None], axis=0)[0]
+        best = np.take_along_axis(found, costs.argmin(axis=0)[None, :, None, None], axis=0)[0]
+        points = _refined(_poses(best), matches, weights)
         valid &= _determined(points, matches, weights)
         return _oriented(points, matches, weights), np.asarray(valid)
 
@@ -223,7 +227,9 @@ def _eight_point(matches: Floats, weights: Floats) -> Floats:
     return np.asarray(left[..., :2] @ right[..., :2, :])
 
 
-def _refined(start: tuple[Floats, Floats], matches: Floats, weights: Floats) -> Floats:
+def _refined(
+    start: tuple[Floats, Floats], matches: Floats, weights: Floats, rounds: int = FIT_ROUNDS
+) -> Floats:
     """Essential matrices [B, 3, 3] of least weighted Sampson distances, from t and R."""
 
     def linearize(state: State, rows: Integers) -> tuple[Floats, Floats]:
@@ -235,7 +241,7 @@ def _refined(start: tuple[Floats, Floats], matches: Floats, weights: Floats) -> 
         return step_on_sphere(state[0], steps[:, :2]), turn
 
     t, turn = minimize(
-        start, linearize, retract, rounds=FIT_ROUNDS, weights=weights, tolerance=FIT_TOLERANCE
+        start, linearize, retract, rounds=rounds, weights=weights, tolerance=FIT_TOLERANCE
     )
     return np.asarray(turn @ skew(t))
 

@@ -35,9 +35,11 @@ class SamplingOptions(Record, frozen=True):
     sampling: Sampling = "local"
     derotate: bool | Literal["auto"] = "auto"
 
-    def models(self, frames: int) -> tuple[str, ...]:
-        """The models to use for tracks over ``frames`` frames."""
-        return models.automatic(max(frames, 2)) if self.model == "auto" else (self.model,)
+    def models(self, frames: int, calibrated: bool = False) -> tuple[str, ...]:
+        """The models to use for tracks over ``frames`` frames, before a ``calibrated`` camera."""
+        if self.model == "auto":
+            return models.automatic(max(frames, 2), calibrated)
+        return (self.model,)
 
 
 DEFAULTS = SamplingOptions()

@@ -140,7 +140,7 @@ def draw(
         If no hypothesis can be computed from the tracks.
     """
     frames = points.shape[1]
-    names = options.models(frames)
+    names = options.models(frames, calibrated=camera is not None)
     if of_data(names):
         from mssegment.sampling.structures import sample_structures
 

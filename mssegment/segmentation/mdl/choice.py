@@ -245,7 +245,7 @@ def make_description(
     surface = problem.options.granularity == "surface"
     exact = all(family.observed_set.model.leaves_parallax_free for family in families)
     # an object that rotates slightly has smooth residuals from its translation
-    smooth = any(observed_set.model.needs_camera for observed_set in problem.observed_sets)
+    smooth = exact and any(one.model.needs_camera for one in problem.observed_sets)
     by_neighbours = surface or not smooth
     planes = has_perspective_planes(problem)
     # parallax, and drift over many frames, vary smoothly within an object: not a second motion

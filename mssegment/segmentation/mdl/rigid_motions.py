@@ -29,14 +29,14 @@ LABEL_ROUNDS = 3
 def may_join(problem: SelectionProblem) -> bool:
     """Whether several motions may be one rigid body.
 
-    Before a static camera, nothing else is static; motions that leave parallax free are rigid
+    Before a static camera, nothing else is static; motions that all leave parallax free are rigid
     bodies already.
     """
     return (
         problem.options.granularity == "object"
         and not problem.static_camera
         and problem.points.shape[1] == 2
-        and not any(each.model.leaves_parallax_free for each in problem.observed_sets)
+        and not all(each.model.leaves_parallax_free for each in problem.observed_sets)
     )
 
 
