@@ -149,6 +149,16 @@ class TestIdentities:
         scene.add(0, {1: 1, 3: 1})  # objects of odd numbers have one velocity
         assert scene.add(15, {1: 1, 3: 2}).motions == (1, 1)
 
+    def test_an_object_in_parts_stays_one_while_a_part_is_caught(self) -> None:
+        scene = Scene()
+        scene.add(0, {1: 1, 3: 1})
+        assert scene.add(15, {1: 1, 3: 2}).motions == (1, 1)
+        points = np.concatenate([block((100, 100), (4, 0)), block((300, 100), (1, 0))])
+        tracks = np.concatenate([100 + np.arange(20), 300 + np.arange(20)])
+        rows = np.concatenate([np.arange(20), 25 + np.arange(20)])
+        window = WindowLabels(30, tracks, points[rows], np.repeat([1, 2], 20))
+        assert scene.tracker.add(window).motions == (1, 1)
+
     def test_a_merge_says_into_what(self) -> None:
         scene = Scene()
         scene.add(0, {1: 1, 2: 2})

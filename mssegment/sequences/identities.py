@@ -117,6 +117,8 @@ class IdentityTracker(State):
         The box of each object.
     together : dict
         In how many windows two of them were seen, by the smaller and the larger number.
+    in_parts : set
+        Those that were seen in several parts in the last window.
     """
 
     size: tuple[int, int]
@@ -128,6 +130,7 @@ class IdentityTracker(State):
     sizes: dict[int, float] = field(default_factory=dict)
     wholes: dict[int, Whole] = field(default_factory=dict)
     together: dict[int, dict[int, int]] = field(default_factory=dict)
+    in_parts: set[int] = field(default_factory=set)
 
     def separated(self, window: WindowLabels) -> tuple[Integers, tuple[int, ...]]:
         """The labels of the next window, objects that have been two apart (``separation``)."""
@@ -251,7 +254,9 @@ class IdentityTracker(State):
             rest = [k for k, known in identity.items() if known == parent]
             if parent is not None and rest:
                 others = np.concatenate([own[k] for k in rest])
-                if move_alike(window.points[own[j]], window.points[others]):
+                if parent in self.in_parts or move_alike(
+                    window.points[own[j]], window.points[others]
+                ):
                     found[j] = parent
         return found
 
@@ -341,6 +346,8 @@ class IdentityTracker(State):
             for other in (k for k in seen if k > one):
                 pairs = self.together.setdefault(one, {})
                 pairs[other] = pairs.get(other, 0) + 1
+        identities = list(identity.values())
+        self.in_parts = {known for known in seen if identities.count(known) > 1}
         self.last_sights = kept
         known_still = {**kept, **self.lost}
         self.first_frames = {k: v for k, v in self.first_frames.items() if k in known_still}
