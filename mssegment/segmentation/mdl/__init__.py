@@ -1,8 +1,8 @@
 """Selection by minimum description length.
 
 - ``likelihood``, ``displacement``: what a motion saves on each track;
-- ``labelling``: what the labels cost;
-- ``description``: what the parameters cost, and the total;
+- ``labelling``, ``contact``: what the labels cost;
+- ``degrees``, ``description``: what the parameters cost, and the total;
 - ``candidates``: from modes to candidate motions;
 - ``search``, ``refinement``: the set of motions that saves most;
 - ``granularity``, ``continuity``: whether planar surfaces are one object.

@@ -52,13 +52,6 @@ from mssegment.segmentation.selection import (
 )
 from mssegment.special import median
 
-PLANE_NEIGHBOUR_WEIGHT = 0.5
-"""Weight of the prediction of a label by its neighbours, relative to that by frequency, for planes
-under perspective."""
-OBJECT_NEIGHBOUR_WEIGHT = 0.25
-"""The same for objects. By frequency alone, two bodies that are apart in the picture cost too much
-(random scenes with the right number: 0 40 %, 0.25 45 %, 0.5 48 %); by neighbours alone, parallax
-splits a body (objects from pixels with the right number: 0.25 9 of 10, 0.35 and 0.5 8 of 10)."""
 EXCLUDED = 1e-3
 """Share of the true inliers that are too far away to be labelled."""
 FINAL_ROUNDS = 5
@@ -250,8 +243,8 @@ def make_description(
     planes = has_perspective_planes(problem)
     # parallax, and drift over many frames, vary smoothly within an object: not a second motion
     coherent = exact or (surface and not planes)
-    partial = PLANE_NEIGHBOUR_WEIGHT if surface else OBJECT_NEIGHBOUR_WEIGHT
-    rigid = surface and problem.points.shape[1] == 2
+    two_views = problem.points.shape[1] == 2
+    rigid = surface and two_views
     return Description(
         families,
         problem.points[:, 0],
@@ -262,7 +255,10 @@ def make_description(
         neighbours=(
             nearest_neighbours(problem.points, LABEL_NEIGHBOURS) if by_neighbours else None
         ),
-        neighbour_weight=1.0 if coherent else partial,
+        by_contact=not coherent,
+        displacements=(
+            problem.points[:, 1] - problem.points[:, 0] if two_views and not exact else None
+        ),
         relative_coding=ingredients.relative_coding and rigid and not planes,
     )
 

@@ -15,6 +15,12 @@ import numpy as np
 from mssegment.models import Flags, MotionModel
 from mssegment.records import Floats, Integers, Record
 from mssegment.segmentation.mdl.candidates import Candidates, Family
+from mssegment.segmentation.mdl.contact import contact_cost
+from mssegment.segmentation.mdl.degrees import (
+    PARAMETERS_OF_DEGREE,
+    degree_cost,
+    squares_by_degree,
+)
 from mssegment.segmentation.mdl.labelling import (
     frequency_cost,
     frequency_labels,
@@ -57,8 +63,11 @@ class Description(Record, frozen=True):
     neighbours : ndarray [P, k] of int, optional
         Nearest neighbours of each track, if labels are coded by those of the neighbours; otherwise
         they are coded by frequency.
-    neighbour_weight : float
-        If below 1, labels are coded by both predictions, with this weight for that by neighbours.
+    by_contact : bool
+        Whether labels are coded by neighbours only where motions do not touch (``contact``).
+    displacements : ndarray [P, 2], optional
+        Displacements of the tracks between two pictures, if motions predict points: the parameters
+        may then be coded by degrees (``degrees``).
     relative_coding : bool
         Whether the parameters of a motion may be coded relative to those of a larger one.
     shared_points : bool
@@ -66,11 +75,9 @@ class Description(Record, frozen=True):
 
     Notes
     -----
-    Labels are coded by frequency where residuals may vary smoothly, as parallax does, since
-    coherent labels are then no evidence of two motions. Otherwise they are coded given the labels
-    of neighbours, which separates objects that are apart in the image more easily. Planes meet at
-    edges, where a slight curvature must not look like two planes; for them both predictions are
-    combined.
+    Where residuals may vary smoothly, as parallax does, coherent labels are no evidence of two
+    motions, and surfaces meet at edges, where a slight curvature must not look like two planes.
+    There ``by_contact`` charges every track. Motions that leave parallax free are exact.
 
     Relative coding separates objects that move almost alike. It is not used where residuals vary
     smoothly within an object, or where parts of one surface move almost alike.
@@ -83,7 +90,8 @@ class Description(Record, frozen=True):
     parameter_weight: float = 1.0
     label_cost: bool = True
     neighbours: Integers | None = None
-    neighbour_weight: float = 1.0
+    by_contact: bool = False
+    displacements: Floats | None = None
     relative_coding: bool = False
     shared_points: bool = False
 
@@ -99,14 +107,24 @@ class Description(Record, frozen=True):
         labels, saved = frequency_labels(motions.gains, self.label_cost, common_frequency)
         if self.neighbours is None or not self.label_cost or not len(motions):
             return labels, saved
-        if self.neighbour_weight < 1:
-            difference = frequency_cost(labels) - neighbour_cost(labels, self.neighbours)
-            return labels, saved + self.neighbour_weight * difference
+        if self.by_contact:
+            cost = contact_cost(labels, self.neighbours, self._smooth_shares(motions, labels))
+            return labels, saved + frequency_cost(labels) - cost
         if len(motions) > 1:
             labels = smooth_labels(motions.gains, self.neighbours, labels)
         assigned = labels > 0
         saved = float(motions.gains[labels[assigned] - 1, np.flatnonzero(assigned)].sum())
         return labels, saved - neighbour_cost(labels, self.neighbours)
+
+    def _smooth_shares(self, motions: Candidates, labels: Integers) -> Floats:
+        """The share of the squared misfit of each motion that is parallax, [m]."""
+        shares = np.zeros(len(motions))
+        for k in range(len(motions)):
+            own = labels == k + 1
+            if own.any():
+                parallax = self.families[int(motions.set_indices[k])].noise.parallax[own]
+                shares[k] = float((parallax**2).mean()) / float(motions.scales[k]) ** 2
+        return np.minimum(shares, 1.0)
 
     def saved(self, motions: Candidates) -> float:
         """Nats that ``motions`` save; far below zero if bounds are violated."""
@@ -149,6 +167,9 @@ class Description(Record, frozen=True):
         total = 0.0
         for k in np.flatnonzero(count).tolist():
             cost = self._absolute_cost(motions, k, inliers[k])
+            if self.displacements is not None:
+                cost = min(cost, self._cost_by_degrees(motions, k, inliers[k], self.displacements))
+                cost += self._scale_cost(motions, k, int(count[k]))
             larger = [j for j in range(len(motions)) if (count[j], -j) > (count[k], -k)]
             if self.relative_coding and larger:
                 cost = min(cost, self._relative_cost(motions, k, inliers[k], larger))
@@ -171,6 +192,36 @@ class Description(Record, frozen=True):
         shape = max(math.log(max(size, MIN_LENGTH)) - precision, 0.0)
         shifts = min(noise.dimension, model.parameters)
         return shifts * shift + (model.parameters - shifts) * shape
+
+    def _cost_by_degrees(
+        self, motions: Candidates, k: int, inliers: Flags, displacements: Floats
+    ) -> float:
+        """Nats to code motion ``k`` as a translation and what departs from it.
+
+        The variance of each degree has no scale of its own, as in ``_relative_cost``.
+        """
+        family = self.families[int(motions.set_indices[k])]
+        parameters, noise = family.observed_set.model.parameters, family.noise
+        residuals, scale = motions.residuals[k][inliers], float(motions.scales[k])
+        weights = noise.weights(residuals[None], np.array([scale]))[0]
+        squares = squares_by_degree(
+            self.positions[inliers], displacements[inliers], residuals, weights
+        )
+        precision = _log_precision(scale, len(residuals))
+        range_of_shift = max(noise.log_extent - precision, 0.0)
+        shifts = min(noise.dimension, parameters)
+        degrees = -(-(parameters - shifts) // PARAMETERS_OF_DEGREE)
+        # which of the two codes it is costs ln 2
+        total = math.log(2.0) + shifts * range_of_shift + degrees * math.log1p(range_of_shift)
+        return total + sum(degree_cost(one, len(residuals), scale) for one in squares[:degrees])
+
+    def _scale_cost(self, motions: Candidates, k: int, count: int) -> float:
+        """Nats to code the scale of motion ``k`` within its bounds."""
+        noise = self.families[int(motions.set_indices[k])].noise
+        nu, c = noise.degrees_of_freedom, noise.dimension
+        information = 2.0 * c if math.isinf(nu) else 2.0 * c * nu / (nu + c + 2.0)
+        precision = PRECISION_GAIN - 0.5 * math.log(information * count)
+        return max(math.log(max(math.log(noise.cap / noise.floor), MIN_LENGTH)) - precision, 0.0)
 
     def _relative_cost(
         self, motions: Candidates, k: int, inliers: Flags, others: Sequence[int]

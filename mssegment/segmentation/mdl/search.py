@@ -19,6 +19,7 @@ from mssegment.models import Flags
 from mssegment.progress import track
 from mssegment.records import Floats, Integers
 from mssegment.segmentation.mdl.candidates import Candidates, concatenate
+from mssegment.segmentation.mdl.contact import contacts
 from mssegment.segmentation.mdl.description import Description
 from mssegment.segmentation.mdl.refinement import refine
 
@@ -30,6 +31,8 @@ MAX_MOVES = 30
 """Maximum number of moves; each shortens the description."""
 MAX_REFITS = 10
 """Maximum number of joint refits of a set that the search has accepted."""
+GAP = 0.5
+"""Contact below which two parts of a motion may be two bodies; half of that of a cut."""
 K_MEANS_ROUNDS = 10
 """Maximum number of rounds of two-means."""
 MIN_IMPROVEMENT = 1e-3
@@ -165,10 +168,10 @@ def model_changes(current: Candidates, description: Description) -> list[Candida
 def split_sets(current: Candidates, description: Description) -> list[Candidates]:
     """All sets with one motion split in two, or with the tracks of two motions split differently.
 
-    Only for motions that leave parallax free, one of which may fit two objects well.
+    The latter only for motions that leave parallax free, one of which may fit two objects well.
     """
     labels = description.labels(current)
-    sets = []
+    sets = split_at_gaps(current, labels, description)
     for i, j in combinations_with_replacement(range(len(current)), 2):
         family = description.families[int(current.set_indices[i])]
         if (
@@ -186,6 +189,33 @@ def split_sets(current: Candidates, description: Description) -> list[Candidates
     return sets
 
 
+def split_at_gaps(
+    current: Candidates, labels: Integers, description: Description
+) -> list[Candidates]:
+    """All sets with the tracks of one motion split in two parts of the matches that do not touch.
+
+    In noise, or where tracks are few, one motion fits two bodies so well that no candidate for
+    either of them saves enough.
+    """
+    if not description.by_contact or description.displacements is None:
+        return []
+    assert description.neighbours is not None
+    positions = description.positions
+    matches = np.concatenate([positions, positions + description.displacements], axis=1)
+    sets = []
+    for k in range(len(current)):
+        halves = split_tracks(labels == k + 1, matches)
+        parts = (halves[0] + 2 * halves[1]).astype(np.int64)
+        if contacts(parts, description.neighbours, 2)[0, 1] > GAP:
+            continue
+        rest = current.without(k)
+        for family in description.families:
+            for both in family.fitted(halves, current.modes[[k, k]]):
+                if len(both) == 2:
+                    sets.append(concatenate([rest, both]))
+    return sets
+
+
 def split_tracks(tracks: Flags, positions: Floats) -> Floats:
     """Split tracks into two halves that are apart, by two-means of their positions.
 
@@ -195,8 +225,8 @@ def split_tracks(tracks: Flags, positions: Floats) -> Floats:
     ----------
     tracks : ndarray [P] of bool
         The tracks to split.
-    positions : ndarray [P, 2]
-        Their positions.
+    positions : ndarray [P, d]
+        Their positions, or matches.
 
     Returns
     -------
