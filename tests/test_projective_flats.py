@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from moving_bodies import perspective_tracks, rigid_bodies
 
-from mssegment.geometry.projective_flats import bent_flat, without_perspective
+from mssegment.geometry.projective_flats import bent_flat
 
 
 def off_flat(points: np.ndarray) -> float:
@@ -22,35 +22,35 @@ def test_perspective_is_taken_out(seed: int, frames: int) -> None:
     points = perspective_tracks(np.random.default_rng(seed), tracks=80, frames=frames)
     before = off_flat(points)
     assert before > 1.0
-    assert off_flat(without_perspective(points, 0.1)) < 0.05 * before
+    assert off_flat(bent_flat(points, 0.1).level) < 0.05 * before
 
 
 def test_an_affine_view_stays(rng: np.random.Generator) -> None:
     shape = np.column_stack([rng.uniform(-100, 100, (60, 2)), rng.normal(0, 20, 60), np.ones(60)])
     maps = np.concatenate([np.eye(2), np.zeros((2, 2))], axis=1) + rng.normal(0, 0.05, (8, 2, 4))
     points = np.einsum("fck,nk->nfc", maps, shape)
-    np.testing.assert_allclose(without_perspective(points, 0.1), points, atol=0.5)
+    np.testing.assert_allclose(bent_flat(points, 0.1).level, points, atol=0.5)
 
 
 def test_the_unit_the_order_and_the_place_do_not_matter() -> None:
     points = perspective_tracks(np.random.default_rng(3), tracks=50, frames=8)
-    level = without_perspective(points, 0.1)
-    np.testing.assert_allclose(without_perspective(1e3 * points, 100.0), 1e3 * level, rtol=1e-6)
+    level = bent_flat(points, 0.1).level
+    np.testing.assert_allclose(bent_flat(1e3 * points, 100.0).level, 1e3 * level, rtol=1e-6)
     order = np.random.default_rng(0).permutation(50)
-    np.testing.assert_allclose(without_perspective(points[order], 0.1), level[order], atol=1e-6)
-    np.testing.assert_allclose(without_perspective(points + 5e3, 0.1), level + 5e3, atol=1e-3)
+    np.testing.assert_allclose(bent_flat(points[order], 0.1).level, level[order], atol=1e-6)
+    np.testing.assert_allclose(bent_flat(points + 5e3, 0.1).level, level + 5e3, atol=1e-3)
 
 
 def test_outliers_do_not_spoil_the_others(rng: np.random.Generator) -> None:
     points = perspective_tracks(np.random.default_rng(4), tracks=80, frames=10)
     spoiled = points.copy()
     spoiled[:12] += rng.normal(0, 20, (12, 10, 2))
-    assert off_flat(without_perspective(spoiled, 0.1)[12:]) < 0.1 * off_flat(points[12:])
+    assert off_flat(bent_flat(spoiled, 0.1).level[12:]) < 0.1 * off_flat(points[12:])
 
 
 def test_two_objects_stay_two() -> None:
     points, _ = rigid_bodies(np.random.default_rng(4), sizes=(70, 70), frames=10, noise=0.0)
-    level = without_perspective(points, 0.1)
+    level = bent_flat(points, 0.1).level
     assert off_flat(level) > 0.3 * off_flat(points)
 
 

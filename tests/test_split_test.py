@@ -78,3 +78,21 @@ def test_halves_of_one_object_under_strong_perspective_are_one(frames: int) -> N
     left = place[:, 0] < np.median(place[:, 0])
     test = SplitTest(points, *pairwise(points, np.zeros(120)), single=False)
     assert test.ratio(np.flatnonzero(left), np.flatnonzero(~left)) < 1
+
+
+def halves_of(points: np.ndarray, own: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The left and the right half of some tracks."""
+    left = points[own].mean(axis=1)[:, 0]
+    return own[left < np.median(left)], own[left >= np.median(left)]
+
+
+@pytest.mark.parametrize("frames", [3, 6, 20])
+def test_two_bodies_predict_two_bodies_better_than_one_and_halves_do_not(frames: int) -> None:
+    points, labels = rigid_bodies(np.random.default_rng(4), sizes=(70, 70), frames=frames)
+    bodies = [np.flatnonzero(labels == label) for label in np.unique(labels)]
+    test = SplitTest(points, *pairwise(points, labels), single=True)
+    evidence = test.rigid_evidence(bodies[0], bodies[1])
+    assert evidence > 10.0
+    assert test.rigid_evidence(bodies[1], bodies[0]) == pytest.approx(evidence, rel=1e-6)
+    for own in bodies:
+        assert test.rigid_evidence(*halves_of(points, own)) < 0.2 * evidence

@@ -97,14 +97,6 @@ class BentFlat:
         return np.asarray(self.residuals(points) / (1 - leverage))
 
 
-def without_perspective(points: Floats, noise: float) -> Floats:
-    """The tracks [n, F, 2] of one object as an affine camera would see them, pixels.
-
-    They lie on an affine 3-flat where the object is rigid; see ``bent_flat`` for the arguments.
-    """
-    return bent_flat(points, noise).level
-
-
 def bent_flat(
     points: Floats,
     noise: float,

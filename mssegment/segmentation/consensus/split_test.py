@@ -11,8 +11,9 @@ known about those tracks. The ratio of both is
 with description lengths L in nats, n tracks, of which 2 sqrt(pi n) - pi lie on the border of a
 disc in a square grid, and I the information about the motion of one track beyond an affine map of
 the picture, the sum over the components of 1/2 ln(1 + lambda / (2 sigma)^2). The noise sigma is
-measured. R of 1 is where a split pays; the searches for the number of motions weigh R with epipolar
-geometry, which it does not know.
+measured. R of 1 is where a split pays; the searches for the number of motions weigh R with rigid
+motion, which it does not know: with epipolar geometry, and with N, the nats by which two rigid
+bodies predict the tracks over all frames better than one does.
 
 Perspective bends the flat of a rigid body. A group is described as an affine camera sees it, or
 with the perspective taken out, whichever is shorter.
@@ -22,12 +23,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from copy import copy
+from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
 
 from mssegment.geometry.flats import extent, local_residuals
-from mssegment.geometry.projective_flats import without_perspective
+from mssegment.geometry.projective_flats import FLAT_DIMENSION, bent_flat
 from mssegment.geometry.robust import StudentTFit
 from mssegment.records import Floats, Integers
 from mssegment.segmentation.consensus.border import border_contrast
@@ -50,6 +52,22 @@ FEWEST_FOR_PERSPECTIVE = 14
 linear form for each frame, they fit anything."""
 FEWEST_FOR_BORDER = 5
 """Groups of fewer tracks have no border to speak of."""
+
+
+@dataclass(frozen=True)
+class GroupFlat:
+    """A group as one rigid body.
+
+    Attributes
+    ----------
+    level : ndarray [n, F, 2]
+        The tracks as an affine camera would see them, pixels.
+    residuals : ndarray [n]
+        Of each track from the flat of the others, pixels.
+    """
+
+    level: Floats
+    residuals: Floats
 
 
 class SplitTest:
@@ -83,6 +101,7 @@ class SplitTest:
         correlated = float(np.median(np.sqrt((of_motion**2).mean(axis=1))))
         self._systematic = float(np.sqrt(max(correlated**2 - self.noise**2, 0.0)))
         self._resolvable = LEAST_SPREAD * size
+        self._flats: dict[bytes, GroupFlat] = {}
         resolved = variances / (NOISE_UNIT * self.noise) ** 2
         self.information = float(0.5 * np.log1p(resolved).sum())
         self._decide(single)
@@ -94,13 +113,44 @@ class SplitTest:
         return other
 
     def _decide(self, single: bool) -> None:
-        least = float(np.hypot(self.noise, MISFIT_FACTORS[single] * self._systematic))
-        self._least_spread = max(self._resolvable, least)
+        self._least_spread = self._least_spread_of(single=single)
         self._costs: dict[bytes, float] = {}
+
+    def _least_spread_of(self, *, single: bool) -> float:
+        return max(self._resolvable, self._misfit(single=single))
+
+    def _misfit(self, *, single: bool) -> float:
+        """The noise and the correlated misfit of one body, pixels."""
+        return float(np.hypot(self.noise, MISFIT_FACTORS[single] * self._systematic))
 
     def ratio(self, first: Integers, second: Integers) -> float:
         """R of two groups, indices of tracks [n] and [m]."""
         return self.saved(first, second) / max(self.price(first, second), 1e-12)
+
+    def rigid_evidence(self, first: Integers, second: Integers) -> float:
+        """N: nats by which two rigid bodies predict two groups better than one does, at least 0.
+
+        The logarithms of the residuals of the tracks, each from the flat of the other tracks of
+        its group or of both groups, in as many directions as components tell motions apart. Where
+        the least spread exceeds the noise, errors of neighbouring tracks are alike: the evidence
+        is then worth less, by the ratio of their squares.
+        """
+        least = self._least_spread_of(single=True)
+        apart = np.concatenate([self._flat(first).residuals, self._flat(second).residuals])
+        together = self._flat(np.concatenate([first, second])).residuals
+        grown = 0.5 * (np.log(together**2 + least**2) - np.log(apart**2 + least**2))
+        free = max(self._directions.shape[1] - FLAT_DIMENSION, 1)
+        worth = free * (self.noise / least) ** 2
+        return max(float(worth * grown.sum()), 0.0)
+
+    def _flat(self, group: Integers) -> GroupFlat:
+        """The flat of a group [n]; it is the same for both decisions."""
+        key = group.tobytes()
+        if key not in self._flats:
+            points, bent = self._points[group], len(group) >= FEWEST_FOR_PERSPECTIVE
+            flat = bent_flat(points, self._misfit(single=True), perspective=bent)
+            self._flats[key] = GroupFlat(flat.level, flat.own_residuals(points))
+        return self._flats[key]
 
     def saved(self, first: Integers, second: Integers) -> float:
         """Nats that the descriptions of two groups save over that of their union, at least 0."""
@@ -129,7 +179,7 @@ class SplitTest:
         affine = self._student_t_cost(self._components[group])
         if len(group) < FEWEST_FOR_PERSPECTIVE:
             return affine
-        level = without_perspective(self._points[group], self._least_spread)
+        level = self._flat(group).level
         vectors = level.reshape(len(group), -1) - self._middle
         components = vectors @ self._directions
         # three numbers for each frame that the components of the motion can tell apart
