@@ -168,7 +168,11 @@ class Description(Record, frozen=True):
         for k in np.flatnonzero(count).tolist():
             cost = self._absolute_cost(motions, k, inliers[k])
             if self.displacements is not None:
-                cost = min(cost, self._cost_by_degrees(motions, k, inliers[k], self.displacements))
+                # a map of the plane departs from a translation by degrees, epipolar geometry not
+                model = self.families[int(motions.set_indices[k])].observed_set.model
+                if not model.leaves_parallax_free:
+                    by_degrees = self._cost_by_degrees(motions, k, inliers[k], self.displacements)
+                    cost = min(cost, by_degrees)
                 cost += self._scale_cost(motions, k, int(count[k]))
             larger = [j for j in range(len(motions)) if (count[j], -j) > (count[k], -k)]
             if self.relative_coding and larger:
