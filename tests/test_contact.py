@@ -51,7 +51,7 @@ def test_labels_cost_by_frequency_only_where_motions_touch(rng: np.random.Genera
     places, labels = squares(rng, 1.0)
     near = nearest_others(places, NEAREST)
     assert contact_cost(labels, near, none) < 0.05 * frequency_cost(labels)
-    told = 0.5 * math.log(len(labels))  # the frequency itself
+    told = 2 * 0.5 * math.log(len(labels))  # the frequencies themselves
     assert contact_cost(labels, near, np.ones(2)) == pytest.approx(frequency_cost(labels) + told)
     assert contact_cost(labels, near, np.array([1.0, 0.0])) < 0.05 * frequency_cost(labels)
     places, labels = squares(rng, 0.0)
@@ -73,7 +73,9 @@ def test_the_names_of_labels_do_not_matter(rng: np.random.Generator) -> None:
     assert contact_cost(one, near, smooth[:1]) == pytest.approx(
         frequency_cost(one) + 0.5 * math.log(len(one))
     )
-    assert contact_cost(np.ones_like(labels), near, smooth[:1]) == pytest.approx(0.0)
+    told = 0.5 * math.log(len(labels))
+    assert contact_cost(np.ones_like(labels), near, smooth[:1]) == pytest.approx(told)
+    assert contact_cost(np.zeros_like(labels), near, smooth[:1]) == pytest.approx(0.0)
 
 
 @pytest.mark.parametrize(

@@ -63,7 +63,7 @@ def contact_cost(labels: Integers, neighbours: Integers, smooth: Floats) -> floa
     """Nats to code labels [P]: by frequency among motions that touch, otherwise by neighbours.
 
     Whether a track is an outlier is coded by frequency. A frequency of n labels is itself told to
-    the precision of n, half of ln n.
+    the precision of n, half of ln n, also where there are no outliers.
 
     Parameters
     ----------
@@ -79,7 +79,7 @@ def contact_cost(labels: Integers, neighbours: Integers, smooth: Floats) -> floa
     outliers = frequency_cost(assigned.astype(np.int64))
     by_neighbours = neighbour_cost(labels, neighbours) - outliers
     by_frequency = frequency_cost(labels[assigned])
-    if 0 < assigned.sum() < len(labels):
+    if assigned.any():
         outliers += 0.5 * math.log(len(labels))
     if by_frequency <= 0:
         return outliers + by_neighbours
