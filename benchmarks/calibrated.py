@@ -36,7 +36,7 @@ def boxes(
     noise: float = 0.2,
     turn: float = 8.0,
 ) -> Scene:
-    """Boxes at 4 to 6 times their width that turn by about ``turn`` degrees."""
+    """Boxes of width 1.2 at distances of 4 to 6 that turn by about ``turn`` degrees."""
     parts = []
     for _ in range(bodies):
         centre = rng.uniform([-1.2, -0.9, 4.0], [1.2, 0.9, 6.0])

@@ -330,6 +330,7 @@ def test_a_field_of_view_is_a_focal_length(tmp_path: Path) -> None:
         "dist",
         "D",
         "distortionParams",
+        "distortion_coef",
         "coeffs",
     ],
 )

@@ -585,3 +585,20 @@ def test_two_arrays_of_positions_are_matches(
         both = [own.T for own in both]
     np.savez(tmp_path / "m.npz", **dict(zip(names, both, strict=True)))
     np.testing.assert_allclose(datasets.read(tmp_path / "m.npz").tracks.points, points[:, :2])
+
+
+def test_pairs_of_arrays_that_are_no_positions_are_no_matches(tmp_path: Path) -> None:
+    """Pictures, descriptors, and points in space."""
+    space = np.arange(30.0).reshape(10, 3)
+    for shape in ((48, 64), (256, 20)):
+        np.savez(tmp_path / "m.npz", image0=np.ones(shape), image1=np.ones(shape))
+        with pytest.raises(DataError, match="holds image0"):
+            datasets.read(tmp_path / "m.npz")
+    np.savez(tmp_path / "m.npz", x1=space, x2=space + 1)
+    with pytest.raises(DataError, match="holds x1"):
+        datasets.read(tmp_path / "m.npz")
+
+
+def test_weights_beside_tracks_are_no_measurement_matrix(points: Floats, tmp_path: Path) -> None:
+    np.savez(tmp_path / "t.npz", tracks=points[:8], W=np.ones((8, FRAMES)))
+    np.testing.assert_allclose(datasets.read(tmp_path / "t.npz").tracks.points, points[:8])

@@ -277,6 +277,11 @@ def distortion_of(own: Mapping[str, Any], where: str, suffix: str = "") -> list[
     return None
 
 
+def is_distortion(key: str) -> bool:
+    """Whether a plain key is that of a list of distortion coefficients."""
+    return _DISTORTION.fullmatch(key) is not None
+
+
 def model_of(own: Mapping[str, Any]) -> str | None:
     """The name of the distortion model among plain keys."""
     for name in ("distortionmodel", "distortiontype", "cameramodel", "cameratype", "model", "type"):

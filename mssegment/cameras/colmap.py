@@ -43,15 +43,16 @@ def read(file: CameraFile) -> dict[str, Camera]:
     if not matches or not all(matches):
         return _of_dictionary(file)
     found = [match for match in matches if match]
-    # one camera without a name, of one picture
+    # a single camera needs no name
+    names = [match[1] or (str(i) if found[1:] else "") for i, match in enumerate(found, start=1)]
     return {
-        match[1] or "": _camera(
-            f"{file.name}: camera {match[1]}" if match[1] else file.name,
+        name: _camera(
+            f"{file.name}: camera {name}" if name else file.name,
             match[2],
             (int(match[3]), int(match[4])),
             [float(word) for word in match[5].split()],
         )
-        for match in found
+        for name, match in zip(names, found, strict=True)
     }
 
 

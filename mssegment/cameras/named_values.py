@@ -13,6 +13,7 @@ from mssegment.cameras.base import (
     Tree,
     camera,
     distortion_of,
+    is_distortion,
     model_of,
     numbers_of,
     plain_keys,
@@ -110,7 +111,8 @@ def _check_misspelt(own: Mapping[str, Any], where: str) -> None:
 
     for key in own:
         near = difflib.get_close_matches(key, ["distortion"], cutoff=0.8)
-        if near and key not in ("distortion", "distortionmodel", "distortiontype"):
+        known = key in ("distortionmodel", "distortiontype") or is_distortion(key)
+        if near and not known:
             raise ConfigurationError(f"{where}: unknown key {key}; did you mean distortion?")
 
 

@@ -27,6 +27,8 @@ _PAIRS = (
     ("kp0", "kp1"),
     ("keypoints1", "keypoints2"),
     ("pts1", "pts2"),
+)
+_GENERAL = (
     ("kptsA", "kptsB"),
     ("src", "dst"),
     ("source", "target"),
@@ -117,19 +119,26 @@ def _names(content: Variables) -> tuple[str, str] | None:
         for a, b in ends
         if name.endswith(a)
     ]
-    pairs = [pair for pair in (*_PAIRS, *similar) if set(pair) <= set(content)]
+    known = next((pair for pair in _PAIRS if set(pair) <= set(content)), None)
+    if known is not None:
+        return known
+    pairs = [pair for pair in (*_GENERAL, *similar) if set(pair) <= set(content)]
     return next((pair for pair in pairs if all(_are_places(content[name]) for name in pair)), None)
 
 
 def _are_places(array: Any) -> bool:
-    """Whether an array has two axes, besides those of length 1, as positions have."""
-    return len([n for n in np.shape(array) if n != 1]) == 2 if _is_regular(array) else False
+    """Whether an array can only be positions: of two coordinates, or homogeneous ones.
 
-
-def _is_regular(array: Any) -> bool:
-    return isinstance(array, np.ndarray) or (
-        isinstance(array, list) and len({len(row) for row in array if isinstance(row, list)}) == 1
-    )
+    Names such as ``image0`` and ``image1`` say nothing of what is in the arrays.
+    """
+    try:
+        values = np.asarray(array, dtype=np.float64)
+    except (TypeError, ValueError, OverflowError):
+        return False
+    if values.ndim != 2:
+        return False
+    rows = values.T if len(values) in (2, 3) and values.shape[1] > 3 else values
+    return rows.shape[1] == 2 or (rows.shape[1] == 3 and bool((rows[:, 2] == 1).all()))
 
 
 def _places(array: Any, where: str) -> Floats:

@@ -24,7 +24,7 @@ from mssegment.datasets.containers import InputFile, Variables
 from mssegment.errors import DataError
 from mssegment.records import Floats, Tracks
 
-_NAMES = ("W", "w", "measurements", "measurement_matrix", "measurement")
+_NAMES = ("W", "measurements", "measurement_matrix", "measurement")
 
 
 def recognises(content: Variables) -> bool:

@@ -45,7 +45,6 @@ class Essential(CalibratedModel):
     name: ClassVar[str] = "essential"
     purpose: ClassVar[str] = "rigid objects that translate and rotate before a calibrated camera"
     in_auto: ClassVar[bool] = True
-    sampling_neighbours: ClassVar[int] = 24
 
     def __init__(self) -> None:
         self.manifold = EssentialManifold()

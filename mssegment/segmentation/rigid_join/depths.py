@@ -34,8 +34,8 @@ class InverseDepth(Record, frozen=True):
     Attributes
     ----------
     values : ndarray [P]
-        Displacement along the epipolar line relative to ``reference``, over the distance from the
-        epipole and times ``distance``: an affine function of the inverse depth.
+        Displacement along the epipolar line from where the homography of ``EpipolarCoordinates``
+        moves the point, over ``distances``: an affine function of the inverse depth.
     across : ndarray [P]
         Displacement across the epipolar line.
     distances : ndarray [P]

@@ -3,6 +3,7 @@
 The motions that a body was joined from are those of planes, as wide as the relief about them: what
 is within reach of one of them may be a mismatch. Across its epipolar line a match of the body is
 as precise as the noise; along it, it is about where its neighbours are, or at least within the
+depths of the body.
 """
 
 from __future__ import annotations
@@ -56,9 +57,9 @@ def body_gains(points: Floats, members: Flags, noise: float, outlier_cost: float
     Notes
     -----
     Across the line the density is a Student t distribution at the scale of the noise, or of the
-    matches of the body if that is larger. Along it, it
-    is a mixture of kernels of several widths about the inverse depths of the nearest matches of the
-    body and of all of them; the shares are the most likely ones for the matches of the body.
+    matches of the body if that is larger. Along it, it is a mixture of kernels of several widths
+    about the inverse depths of the nearest matches of the body and of all of them; the shares are
+    the most likely ones for the matches of the body.
     """
     own = np.flatnonzero(members)
     noise = noise_of_groups(points, [members], noise)
