@@ -495,6 +495,10 @@ def test_a_time_that_stands_twice_is_no_row_per_frame(points: Floats, tmp_path: 
     (tmp_path / "t.csv").write_text("\n".join([*text, text[2]]))
     with pytest.raises(DataError, match=r"t\.csv: line 7: time 0\.04 a second time"):
         datasets.read(tmp_path / "t.csv")
+    rows = [f"a.png,{','.join(map(str, points[p, :3].ravel()))}" for p in range(TRACKS)]
+    (tmp_path / "t.csv").write_text("\n".join(["file,x1,y1,x2,y2,x3,y3", *rows]))
+    with pytest.raises(DataError, match=r"line 3: file a\.png a second time"):
+        datasets.read(tmp_path / "t.csv")
 
 
 LISTS: dict[str, Callable[[Floats], object]] = {

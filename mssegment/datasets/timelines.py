@@ -62,7 +62,7 @@ def read(file: InputFile) -> ImportedTracks:
         if likely is not None:
             used.add(likely)
             points[row, ~(table.numbers(likely) >= LIKELY)] = np.nan
-    if time is not None and table.is_numeric(time):
+    if time is not None:
         points = points[:, _order(table, time)]
     check_pixels(points, file.name)
     check_points(points, file.name)
@@ -103,17 +103,22 @@ def _likelihood(table: Table, point: str) -> str | None:
 
 
 def _order(table: Table, time: str) -> npt.NDArray[np.int64]:
-    """The rows in the order of time; raises DataError if two have the same."""
-    times = table.numbers(time)
-    order = np.argsort(times, kind="stable")
-    same = np.flatnonzero(np.diff(times[order]) == 0)
-    if len(same):
-        line = table.lines[int(order[same[0] + 1])]
-        raise DataError(
-            f"{table.name}: line {line}: {time} {times[order[same[0]]]:g} a second time; expected "
-            "a row per frame, or a column that names the track"
-        )
-    return np.asarray(order, dtype=np.int64)
+    """The rows in the order of time, as they stand if it is text.
+
+    Raises DataError if two have the same.
+    """
+    cells = [cell.strip() for cell in table[time]]
+    seen: set[str] = set()
+    for row, cell in enumerate(cells):
+        if cell in seen:
+            raise DataError(
+                f"{table.name}: line {table.lines[row]}: {time} {cell} a second time; expected a "
+                "row per frame, or a column that names the track"
+            )
+        seen.add(cell)
+    if not table.is_numeric(time):
+        return np.arange(len(cells))
+    return np.asarray(np.argsort(table.numbers(time), kind="stable"), dtype=np.int64)
 
 
 TIMELINES = DataSet(

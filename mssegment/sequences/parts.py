@@ -84,6 +84,8 @@ def join_parts(points: Floats, labels: Integers, shown: Flags) -> Integers:
         The labels 1..k, the largest group first.
     """
     count = int(labels.max(initial=0))
+    if not count:
+        return labels
     judged = (labels > 0) | (labels == BACKGROUND)
     rows = [np.flatnonzero(labels == label) for label in range(count + 1)]
     pairs = [
@@ -101,11 +103,7 @@ def join_parts(points: Floats, labels: Integers, shown: Flags) -> Integers:
     links = np.array(pairs, dtype=np.int64).reshape(-1, 2)
     graph = coo_matrix((np.ones(len(links), dtype=np.int8), links.T), shape=(count, count))
     _, joined = connected_components(graph, directed=False)
-    return (
-        by_size(np.where(labels > 0, joined[np.maximum(labels, 1) - 1] + 1, labels))
-        if count
-        else labels
-    )
+    return by_size(np.where(labels > 0, joined[np.maximum(labels, 1) - 1] + 1, labels))
 
 
 def _are_parts(

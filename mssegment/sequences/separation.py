@@ -10,11 +10,10 @@ import numpy as np
 
 from mssegment.models import Flags
 from mssegment.records import Floats, Integers
+from mssegment.sequences.parts import LEAST_OBJECT
 
 LEAST_TOGETHER = 2
 """Windows in which two objects have been seen apart: in one window an object may be in pieces."""
-LEAST_TRACKS = 6
-"""Tracks that go on from an object, as ``parts.LEAST_OBJECT``."""
 
 
 def separated(
@@ -74,7 +73,7 @@ def _apart(
     found: list[int] = []
     for known in sorted(objects, key=lambda k: (-size[k], k)):
         seen = [together.get(min(k, known), {}).get(max(k, known), 0) for k in found]
-        if size[known] >= LEAST_TRACKS and all(count >= LEAST_TOGETHER for count in seen):
+        if size[known] >= LEAST_OBJECT and all(count >= LEAST_TOGETHER for count in seen):
             found.append(known)
     return found
 
