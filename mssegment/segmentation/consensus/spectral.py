@@ -101,9 +101,13 @@ def _lanczos(matrix: npt.NDArray[np.float32], count: int) -> Floats | None:
     def start() -> npt.NDArray[np.float32]:
         return rng.standard_normal(len(matrix), dtype=np.float32)
 
+    def across(x: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
+        # not by BLAS: OpenBLAS reads past a few columns and reports an invalid value now and then
+        along = np.einsum("pk,p->k", vectors, x)
+        return np.asarray(x - np.einsum("pk,k->p", vectors, along))
+
     def remainder(x: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
-        image = matrix @ (x - vectors @ (vectors.T @ x))
-        return np.asarray(image - vectors @ (vectors.T @ image))
+        return across(matrix @ across(x))
 
     krylov = min(max(KRYLOV_VECTORS * count, 20), len(matrix))
     try:
