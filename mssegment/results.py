@@ -15,7 +15,8 @@ from mssegment.documents import Document, SegmentationDocument, write_bytes
 from mssegment.errors import DataError
 from mssegment.pipeline import straight
 from mssegment.records import Record, field, replace
-from mssegment.rendering.report import Picture, Report, build_report, report_bytes
+from mssegment.rendering.report import Picture, Report, build_report
+from mssegment.rendering.report_json import report_bytes
 
 if TYPE_CHECKING:
     from mssegment.ground_truth import Truth

@@ -78,7 +78,7 @@ def test_outliers_are_half_foreign_and_half_shuffled(
 ) -> None:
     files = tuple(sorted(folder.glob("*/*.mat")))
     options = Options("hopkins155", "auto", (), 0.2, 0, False, files)
-    entry = benchmarking._read("hopkins155", files[0])
+    entry = benchmarking.cases.read_entry("hopkins155", files[0])
     points, labels = benchmarking.add_outliers(
         entry.tracks.points, entry.tracks.labels, options, Case(files[0]), rng
     )

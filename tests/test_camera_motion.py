@@ -16,7 +16,7 @@ from mssegment.records import BACKGROUND, Frame, replace
 from mssegment.rendering.layout import number_badges, view_of
 from mssegment.rendering.page import render_page
 from mssegment.rendering.pictures import motion_entries
-from mssegment.rendering.report import report_json
+from mssegment.rendering.report_json import report_json
 from mssegment.rendering.tables import format_report
 from mssegment.segmentation.camera_motion import find_camera_motion, mean_spread
 

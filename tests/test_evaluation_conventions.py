@@ -14,7 +14,8 @@ from mssegment.evaluation import adjusted_rand, evaluate, find_world, is_correct
 from mssegment.ground_truth import read_truth
 from mssegment.masks.quality import contour_accuracy, mask_quality, region_similarity
 from mssegment.records import BACKGROUND, IGNORED, Frame, Tracks, replace
-from mssegment.rendering.report import build_report, report_json
+from mssegment.rendering.report import build_report
+from mssegment.rendering.report_json import report_json
 from mssegment.rendering.tables import format_report, summary
 
 labellings = st.lists(

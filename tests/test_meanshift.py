@@ -16,7 +16,8 @@ from mssegment.meanshift import (
     mean_shift_to_convergence,
     nearest_neighbour_bandwidth,
 )
-from mssegment.meanshift.ascent import OVERRELAXATION, ascend, shift
+from mssegment.meanshift.ascent import ascend, shift
+from mssegment.meanshift.trajectories import OVERRELAXATION
 
 NAMES = [name for family in MANIFOLDS.values() for name in family.examples]
 EXACT = [name for name in NAMES if from_name(name).exact_gradient]

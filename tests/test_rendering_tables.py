@@ -14,7 +14,8 @@ from rendering_samples import affine_report
 
 from mssegment.records import ClusterResult, Tracks, replace
 from mssegment.rendering.csv_text import neutral
-from mssegment.rendering.report import build_report, report_json
+from mssegment.rendering.report import build_report
+from mssegment.rendering.report_json import report_json
 from mssegment.rendering.style import PALETTE, label_style
 from mssegment.rendering.tables import (
     FORMATS,

@@ -27,7 +27,7 @@ from mssegment.cli import cli
 from mssegment.configuration import KEYS, resolve
 from mssegment.documents import DOCUMENTS
 from mssegment.errors import ExitStatus
-from mssegment.rendering.report import report_json
+from mssegment.rendering.report_json import report_json
 from mssegment.results import Results
 
 ROOT = Path(__file__).parents[1]

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mssegment.meanshift.ascent import Ascent
 from mssegment.meanshift.large import SAMPLE_SIZE, find_by_sample
 from mssegment.meanshift.search import ModeSearch, SearchResult
+from mssegment.meanshift.trajectories import Ascent
 from mssegment.records import Floats, Integers, State
 
 if TYPE_CHECKING:

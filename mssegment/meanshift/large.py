@@ -11,8 +11,8 @@ from __future__ import annotations
 import numpy as np
 
 from mssegment.manifolds import PreparedPoints
-from mssegment.meanshift.ascent import Ascent, Mask
 from mssegment.meanshift.search import ISOLATED, TRAJECTORY_TOLERANCE, ModeSearch, SearchResult
+from mssegment.meanshift.trajectories import Ascent, Mask
 from mssegment.records import Floats, Integers
 
 SAMPLE_SIZE = 4000

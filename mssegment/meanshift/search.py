@@ -8,10 +8,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mssegment.manifolds import Manifold, PreparedPoints
-from mssegment.meanshift.ascent import Ascent, Mask, OnStep, Prune, ascend, follow, scaled
+from mssegment.meanshift.ascent import OnStep, Prune, ascend, follow
 from mssegment.meanshift.density import PointWeights
 from mssegment.meanshift.kernels import Kernel
 from mssegment.meanshift.modes import merge
+from mssegment.meanshift.trajectories import Ascent, Mask, scaled
 from mssegment.records import Floats, Integers, Record, State
 
 if TYPE_CHECKING:

@@ -11,7 +11,8 @@ from unicodedata import east_asian_width
 
 from mssegment.inputs.text import printable
 from mssegment.records import BACKGROUND, NOT_JUDGED, OUTLIER, Record, replace
-from mssegment.rendering.report import Report, report_bytes
+from mssegment.rendering.report import Report
+from mssegment.rendering.report_json import report_bytes
 from mssegment.rendering.style import GLYPHS
 
 FORMATS = ("text", "json", "csv", "markdown", "latex")
