@@ -66,6 +66,7 @@ def test_modes_are_fixed_points_with_the_density_of_equation_7(name, rng):
         manifold.prepare(points, found.bandwidth_), KERNELS["gaussian"], found.modes_
     )
     length = manifold.norm(found.modes_, step) / found.bandwidth_
+    assert manifold.constraint_violation(found.modes_).max() < 1e-13
     isolated = found.densities_ * len(points) < 1.01
     assert (length[~isolated] < 1e-3).all()
     assert (length[isolated] < 1e-2).all()

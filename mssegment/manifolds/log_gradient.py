@@ -35,6 +35,9 @@ SERIES_TERMS = 26
 """Powers of a in the series: the next term is below 1e-16."""
 START, START_TERMS = 0.5, 14
 """Doubling starts at a matrix of at most this norm, with this many powers of it in the series."""
+HALF_TURN = 1e-10
+"""A half turn, relative to the other singular values of C(a), which has a pair of these near 0: its
+determinant is then below the square of this, times Hadamard's bound."""
 CHUNK = 4096
 """Pairs whose matrices are doubled at a time, to bound the memory."""
 
@@ -106,11 +109,30 @@ def _doubling(group: MatrixGroup, log: Floats) -> Floats:
     c = _even_series(square)
     for level in range(int(doublings.max(initial=0))):
         rows = np.flatnonzero(doublings > level)
-        c[rows] += np.linalg.solve(c[rows], square[rows] / 4.0)
+        c[rows] += _divided(square[rows] / 4.0, c[rows])
         square[rows] *= 4.0
     vector = coordinates[:, :, None]
     gradient = (c @ vector - 0.5 * (a @ vector))[:, :, 0]
     return np.asarray(np.einsum("aij,ka->ijk", basis, gradient))
+
+
+def _divided(quarter: Floats, c: Floats) -> Floats:
+    """C(a)^-1 a^2 / 4, for ``quarter`` = a^2 / 4 [k, d, d].
+
+    C is zero at i pi, a half turn, where the logarithm has two values and its derivative none in
+    some directions: there the pseudoinverse, which leaves those out.
+    """
+    angles = np.linalg.norm(quarter, axis=(1, 2)) >= 0.99 * (np.pi / 2.0) ** 2  # |z| up to |a|
+    suspects = np.flatnonzero(angles)
+    bound = np.prod(np.linalg.norm(c[suspects], axis=2), axis=1)
+    singular = suspects[np.abs(np.linalg.det(c[suspects])) <= HALF_TURN**2 * bound]
+    if not singular.size:
+        return np.asarray(np.linalg.solve(c, quarter))
+    regular = c.copy()
+    regular[singular] = np.eye(c.shape[-1])
+    divided = np.asarray(np.linalg.solve(regular, quarter))
+    divided[singular] = np.linalg.pinv(c[singular], rcond=HALF_TURN) @ quarter[singular]
+    return divided
 
 
 def _even_series(square: Floats) -> Floats:

@@ -74,9 +74,14 @@ class Sphere(Manifold):
         return (self.n + 1,)
 
     def exp(self, x: Floats, v: Floats) -> Floats:
-        """The exponential map, cos(a) x + sin(a) / a v with a = |v|."""
+        """The exponential map, cos(a) x + sin(a) / a v with a = |v|, divided by its norm.
+
+        Without the division, rounding errors would grow: where x'x is 1 + e, a shift at x is not
+        orthogonal to x, and a step of c shifts leaves (1 - 2 c) e.
+        """
         angle = np.linalg.norm(v, axis=-1, keepdims=True)
-        return np.asarray(np.cos(angle) * x + np.sinc(angle / np.pi) * v)
+        moved = np.cos(angle) * x + np.sinc(angle / np.pi) * v
+        return np.asarray(moved / np.linalg.norm(moved, axis=-1, keepdims=True))
 
     def log(self, x: Floats, y: Floats) -> Floats:
         """The logarithm, a / sin(a) (y - cos(a) x)."""
