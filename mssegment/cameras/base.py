@@ -69,6 +69,7 @@ class CameraFile:
         Raises ConfigurationError if a file that is meant as one of these is damaged.
         """
         from mssegment.cameras import trees
+        from mssegment.inputs.opencv_storage import of_yaml
 
         if self.content[:6] == b"\x93NUMPY" or self.content[:2] == b"PK":
             return trees.of_numpy(self.content, self.name)
@@ -83,9 +84,9 @@ class CameraFile:
             try:
                 found = json.loads(self.text)
             except ValueError:
-                return trees.of_yaml(self.text, self.name)
+                return of_yaml(self.text, self.name, ConfigurationError)
             return found if isinstance(found, dict) else {}
-        return trees.of_yaml(self.text, self.name)
+        return of_yaml(self.text, self.name, ConfigurationError)
 
 
 class CameraFormat(Record, frozen=True):

@@ -1,4 +1,4 @@
-"""YAML, INI, XML, numpy archives and Matlab files as trees of named values."""
+"""INI, XML, numpy archives and Matlab files as trees of named values."""
 
 from __future__ import annotations
 
@@ -79,55 +79,14 @@ def _listed(value: Any) -> Any:
     return value.tolist() if isinstance(value, np.ndarray) else value
 
 
-def of_yaml(text: str, name: str) -> dict[str, Any]:
-    """The mapping in a YAML file, also in the dialect of OpenCV; empty if it holds none.
-
-    Raises ConfigurationError, with line and column, for a file with keys that is not YAML.
-    """
-    import yaml
-
-    from mssegment.inputs.yaml_nodes import check_nodes
-
-    class Loader(yaml.SafeLoader):
-        """Reads tagged values, such as ``!!opencv-matrix``, as what they are written as."""
-
-    def tagged(loader: Loader, suffix: str, node: yaml.Node) -> Any:
-        if isinstance(node, yaml.MappingNode):
-            return loader.construct_mapping(node, deep=True)
-        if isinstance(node, yaml.SequenceNode):
-            return loader.construct_sequence(node, deep=True)
-        return loader.construct_scalar(node)  # type: ignore[arg-type]
-
-    Loader.add_multi_constructor("tag:yaml.org,2002:opencv", tagged)
-    Loader.add_multi_constructor("!", tagged)
-    lines = [line for line in text.splitlines() if not line.startswith("%")]
-    # OpenCV writes `key:value` without a blank in old versions
-    plain = "\n".join(re.sub(r"^(\s*[A-Za-z_][\w.]*):(?=[\d.+-])", r"\1: ", line) for line in lines)
-    try:
-        # `rostopic echo` ends each message with a line of dashes
-        node = next(iter(yaml.compose_all(plain, Loader=Loader)), None)
-        check_nodes(node, name, ConfigurationError)
-        found = None if node is None else Loader("").construct_document(node)
-    except yaml.MarkedYAMLError as error:
-        if not re.search(r"^\s*[A-Za-z_][\w.]*\s*:", text, re.M):
-            return {}  # not meant as YAML
-        mark = error.problem_mark
-        place = f":{mark.line + 1}:{mark.column + 1}" if mark else ""
-        raise ConfigurationError(f"{name}{place}: not YAML ({error.problem})") from None
-    except (
-        *(yaml.YAMLError, ValueError, OverflowError, TypeError, RecursionError),
-        *(AttributeError, KeyError, IndexError),  # a scalar that is not what its tag says
-    ) as error:
-        raise ConfigurationError(f"{name}: not YAML ({' '.join(str(error).split())})") from None
-    return found if isinstance(found, dict) else {}
-
-
 def of_xml(text: str, name: str) -> dict[str, Any]:
     """The elements of an XML file by name, with their text, or mappings where they have children.
 
     Raises ConfigurationError if the file is not XML, or defines entities.
     """
     from xml.etree import ElementTree
+
+    from mssegment.inputs.opencv_storage import of_element
 
     if "<!DOCTYPE" in text or "<!ENTITY" in text:
         raise ConfigurationError(f"{name}: XML with a DOCTYPE is not read; expected OpenCV's")
@@ -136,18 +95,8 @@ def of_xml(text: str, name: str) -> dict[str, Any]:
     except (ElementTree.ParseError, ValueError) as error:
         raise ConfigurationError(f"{name}: not XML ({error})") from None
 
-    def value(element: ElementTree.Element) -> Any:
-        if len(element):
-            return {child.tag: value(child) for child in element}
-        words = (element.text or "").split()
-        try:
-            numbers = [float(word) for word in words]
-        except ValueError:
-            return " ".join(words).strip('"')
-        return numbers[0] if len(numbers) == 1 else numbers
-
     try:
-        found = value(root)
+        found = of_element(root)
     except RecursionError:
         raise ConfigurationError(f"{name}: XML that is nested too deeply for a camera") from None
     return found if isinstance(found, dict) else {}

@@ -109,6 +109,16 @@ def _looks_like(content: Variables) -> str:
                 f"names them: {EXPECTED}"
             )
         return f"a table with the columns {_listed(list(content))}; expected {EXPECTED}"
+    if "_i_table" in content:
+        return (
+            "a table of pandas (HDFStore), which is not read; read it with pandas.read_hdf and "
+            "write it with to_csv"
+        )
+    if isinstance(content.get("people"), list):
+        return (
+            "key points of one picture (OpenPose), in which nobody has an identity; track them "
+            f"first, and expected then is {EXPECTED}"
+        )
     parts = [f"{name} {_kind(value)}".strip() for name, value in content.items()]
     return (
         f"holds {_listed(parts)}; expected an array of tracks [tracks, frames, 2], vectors x1, y1, "

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, TypeGuard
 
 import numpy as np
 import numpy.typing as npt
 
+from mssegment.datasets.array_layouts import as_positions, fits
 from mssegment.datasets.base import (
     DataSet,
     ImportedTracks,
@@ -26,10 +27,12 @@ from mssegment.records import Floats, Integers, Tracks
 
 _TRACKS = (
     *("tracks", "pred_tracks", "points", "trajs", "trajectories", "trajs_2d", "tracks_2d"),
-    *("pred_trajectories", "coords", "target_points", "matches"),
+    *("trajs_e", "trajs_g", "pred_trajectories", "coords", "target_points", "matches"),
 )
 """Names of the array of tracks, the most telling first."""
-_VISIBLE = re.compile(r"(pred_)?(vis(ib\w*|ible\w*)?|valids?|mask)")
+_MATRICES = (("x", "y"), ("X", "Y"), ("u", "v"), ("px", "py"), ("xs", "ys"), ("xpts", "ypts"))
+"""Names of matrices [tracks, frames] or [frames, tracks] of one coordinate each."""
+_VISIBLE = re.compile(r"(pred_)?(vis(ib\w*|ible\w*|_[eg])?|valids?|mask)")
 _OCCLUDED = re.compile(r"(pred_)?occ(l\w*)?")
 _IDS = ("ids", "track_ids", "id")
 _LABELS = ("labels", "label", "true_labels", "gt_labels")
@@ -52,18 +55,29 @@ def read(file: InputFile) -> ImportedTracks:
     """
     name, array = _chosen(file)
     where = f"{file.name}: array '{name}'" if name else file.name
-    values = _floats(array)
-    if values.ndim == 2:
-        return _from_rows(values, file, where)
-    points, notes = _time_second(values)
+    if array.ndim == 2:
+        return _from_rows(np.array(array, dtype=np.float64), file, where)
+    points, flags, is_known = as_positions(array)
+    notes: tuple[str, ...] = ()
+    if is_known:
+        notes = (f"array {list(array.shape)}: read as {points.shape[1]} frames of {len(points)}",)
+    elif is_time_first(points):
+        notes = (f"array {list(points.shape)}: read as {len(points)} frames of {points.shape[1]}",)
+        points = np.swapaxes(points, 0, 1).copy()
+        flags = None if flags is None else flags.T
+    if notes:
+        notes = (f"{notes[0]} tracks",)
     visible, used = _visibility(file.variables, name, points.shape[:2])
+    if flags is not None:
+        visible &= flags
     lost = ~np.isfinite(points).all(axis=-1)
     if np.isinf(points).any():
         raise DataError(f"{where} holds infinity; expected pixels, NaN where a point is not seen")
     points[lost | ~visible] = np.nan
     hidden = int((~visible).sum())
     if hidden:
-        notes += (f"{hidden} of {visible.size} positions are not visible ({used})",)
+        why = ", ".join(used) or "third coordinate"
+        notes += (f"{hidden} of {visible.size} positions are not visible ({why})",)
     check_pixels(points, where)
     check_points(points, where)
     labels, label_name = _labels(file, len(points))
@@ -73,7 +87,10 @@ def read(file: InputFile) -> ImportedTracks:
         Tracks(points, labels=labels),
         frames_inside(file.name, file.content, range(points.shape[1]), *size_that_holds(points)),
         ids=ids,
-        notes=(*notes, *_ignored(file.variables, {name, used, label_name, id_name})),
+        notes=(
+            *notes,
+            *_ignored(file.variables, {name, *name.split(", "), *used, label_name, id_name}),
+        ),
     )
 
 
@@ -82,16 +99,16 @@ def _candidates(content: Variables) -> dict[str, npt.NDArray[Any]]:
     if not isinstance(content, Mapping):
         return {}
     arrays = {n: _regular(a) if isinstance(a, list) else a for n, a in content.items()}
-    return {n: a for n, a in arrays.items() if isinstance(a, np.ndarray) and _fits(a)}
+    for pair in _MATRICES:
+        matrices = [own for name in pair if _is_matrix(own := arrays.get(name))]
+        if len(matrices) == 2 and matrices[0].shape == matrices[1].shape:
+            arrays[", ".join(pair)] = np.stack(matrices, axis=-1)
+    return {n: a for n, a in arrays.items() if isinstance(a, np.ndarray) and fits(a)}
 
 
-def _fits(array: npt.NDArray[Any]) -> bool:
-    shape = array.shape
-    if array.dtype.kind not in "fiu" or 0 in shape:
-        return False
-    if len(shape) == 4 and 1 in shape[:3]:
-        shape = tuple(np.delete(shape, shape.index(1)))
-    return (len(shape) == 3 and shape[2] == 2) or (len(shape) == 2 and shape[1] in (4, 6))
+def _is_matrix(value: Any) -> TypeGuard[npt.NDArray[Any]]:
+    is_array = isinstance(value, np.ndarray) and value.ndim == 2 and value.dtype.kind in "fiu"
+    return bool(is_array and min(value.shape) > 1)
 
 
 def _regular(nested: list[Any]) -> npt.NDArray[Any] | None:
@@ -133,21 +150,6 @@ def _chosen(file: InputFile) -> tuple[str, npt.NDArray[Any]]:
     return next(iter(best.items()))
 
 
-def _floats(array: npt.NDArray[Any]) -> Floats:
-    values = np.array(array, dtype=np.float64)
-    return np.squeeze(values, axis=values.shape.index(1)) if values.ndim == 4 else values
-
-
-def _time_second(values: Floats) -> tuple[Floats, tuple[str, ...]]:
-    """The array as [P, F, 2]: time is the axis along which positions spread less."""
-    first, second = values.shape[:2]
-    if is_time_first(values):
-        return np.swapaxes(values, 0, 1).copy(), (
-            f"array [{first}, {second}, 2]: read as {first} frames of {second} tracks",
-        )
-    return values, ()
-
-
 def is_time_first(points: Floats) -> bool:
     """Whether an array [A, B, 2] of positions is [frames, tracks, 2].
 
@@ -172,10 +174,14 @@ def _spread(points: Floats, axis: int) -> float:
 
 def _from_rows(values: Floats, file: InputFile, where: str) -> ImportedTracks:
     """Rows of an array: matches (x1, y1, x2, y2), or tracks of napari (id, t, y, x)."""
-    notes: tuple[str, ...]
+    notes: tuple[str, ...] = ()
     ids: tuple[str, ...] | None = None
     if values.shape[1] == 6 and (values[:, [2, 5]] == 1).all():
         values = values[:, [0, 1, 3, 4]]
+    if values.shape[1] == 5 and is_sighting_like(values[:, [0, 1, 3, 4]]):
+        values = values[:, [0, 1, 3, 4]]  # without z
+    elif values.shape[1] == 5:
+        values, notes = values[:, :4], ("fifth column ignored",)
     if values.shape[1] == 4 and is_sighting_like(values):
         names, row = np.unique(values[:, 0].astype(np.int64), return_inverse=True)
         times, column = np.unique(values[:, 1], return_inverse=True)
@@ -185,7 +191,7 @@ def _from_rows(values: Floats, file: InputFile, where: str) -> ImportedTracks:
         notes = ("array [n, 4]: read as napari's tracks (id, t, y, x)",)
     else:
         points = values.reshape(len(values), -1, 2)
-        notes = (f"array [n, {values.shape[1]}]: read as x1, y1, x2, y2, ...",)
+        notes = (f"array [n, {values.shape[1]}]: read as x1, y1, x2, y2, ...", *notes)
     if np.isinf(points).any():
         raise DataError(f"{where} holds infinity; expected pixels, NaN where a point is not seen")
     check_pixels(points, where)
@@ -201,16 +207,18 @@ def _from_rows(values: Floats, file: InputFile, where: str) -> ImportedTracks:
 
 def _visibility(
     content: Variables, tracks: str, shape: tuple[int, ...]
-) -> tuple[npt.NDArray[np.bool_], str]:
-    """Which positions are visible [P, F], and the name of the array that says so."""
+) -> tuple[npt.NDArray[np.bool_], list[str]]:
+    """Which positions are visible [P, F], and the names of the arrays that say so."""
+    visible, used = np.ones(shape, dtype=bool), []
     for name, array in content.items():
         is_occluded = _OCCLUDED.fullmatch(name.lower()) is not None
         if name == tracks or not (is_occluded or _VISIBLE.fullmatch(name.lower())):
             continue
         flags = _like(array, shape)
         if flags is not None:
-            return (flags < _LIKELY if is_occluded else flags >= _LIKELY), name
-    return np.ones(shape, dtype=bool), ""
+            visible &= flags < _LIKELY if is_occluded else flags >= _LIKELY
+            used.append(name)
+    return visible, used
 
 
 def _like(array: Any, shape: tuple[int, ...]) -> Floats | None:
@@ -253,7 +261,7 @@ ARRAYS = DataSet(
     "arrays",
     "an array [tracks, frames, 2] or [frames, tracks, 2], with visibility (.npy, .npz, .mat, HDF5, "
     "JSON)",
-    ("numpy", "matlab", "hdf5", "json"),
+    ("numpy", "matlab", "hdf5", "json", "yaml", "xml"),
     recognises,
     read,
 )

@@ -11,6 +11,7 @@ import numpy as np
 
 from mssegment.datasets.base import DataSet, ImportedTracks
 from mssegment.datasets.containers import InputFile, Variables
+from mssegment.datasets.image_pairs import chosen_pair
 from mssegment.datasets.keypoints import matched, pairs_of
 from mssegment.errors import DataError
 from mssegment.records import Floats
@@ -81,20 +82,14 @@ def read(file: InputFile) -> ImportedTracks:
     Raises DataError if the pair must be chosen, or the rows are damaged.
     """
     names, pairs = file.variables["images"], file.variables["pairs"]
+    numbers = {str(name): [str(number)] for number, name in names.items()}
     by_name = {
-        f"{names.get(_images(pair)[0], '?')},{names.get(_images(pair)[1], '?')}": pair
+        (str(names.get(_images(pair)[0], "?")), str(names.get(_images(pair)[1], "?"))): pair
         for pair in sorted(pairs, key=lambda pair: -pairs[pair][1])
     }
     if not by_name:
         raise DataError(f"{file.name}: the database has no matches; run COLMAP's matcher first")
-    chosen = file.member or next(iter(by_name))
-    if chosen not in by_name or (not file.member and len(by_name) > 1):
-        shown = ", ".join(list(by_name)[:3]) + (", ..." if len(by_name) > 3 else "")
-        raise DataError(
-            f"{file.name}: matches of {len(by_name)} pairs of images ({shown}); choose one: "
-            f"'{file.name}#{next(iter(by_name))}'"
-        )
-    pair = by_name[chosen]
+    chosen, pair, is_reversed = chosen_pair(by_name, file, numbers)
     connection: sqlite3.Connection = file.variables["connection"]
     places = [_keypoints(connection, image, file) for image in _images(pair)]
     table = pairs[pair][0]
@@ -102,7 +97,9 @@ def read(file: InputFile) -> ImportedTracks:
     matches = _matrix(connection.execute(query, (pair,)).fetchone(), np.uint32, file)
     found = pairs_of(matches, len(places[0]), len(places[1]), f"{file.name}: {table}")
     points = np.stack([places[0][found[:, 0]], places[1][found[:, 1]]], axis=1)
-    return matched(points, found, file, f"COLMAP: {chosen}, table {table}")
+    if is_reversed:
+        points, found, chosen = points[:, ::-1], found[:, ::-1], chosen[::-1]
+    return matched(points, found, file, f"COLMAP: {','.join(chosen)}, table {table}")
 
 
 def _images(pair: int) -> tuple[int, int]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
 from mssegment.records import Record
 
@@ -15,12 +15,15 @@ def _names(text: str) -> tuple[str, ...]:
 TRACK = _names(
     "track track_id trackid track_nr track_no particle particle_id object_id obj_id "
     "trajectory trajectory_id traj traj_id tracklet tracklet_id target_id point_id "
-    "keypoint_id tid id track_label spot_track_id cell_id point object marker feature"
+    "keypoint_id feature_id landmark_id marker_id person_id pedestrian_id ped_id vehicle_id "
+    "agent_id animal_id trk_id tid id track_label spot_track_id cell_id track_n point object "
+    "marker feature"
 )
 """Names of the column that identifies a track, the most telling first."""
 FRAME = _names(
     "frame frame_id frameid frame_number frame_no frame_nr frame_idx frame_index framenum "
-    "image_id image image_name image_file filename file_name file slice t time timestamp "
+    "frame_nb frame_n fnum image_id image image_name image_file filename file_name file slice "
+    "slice_n slice_no slice_number view t time timestamp stamp "
     "time_stamp position_t pos_t"
 )
 """Names of the column that identifies a frame: its number, its file, or its time."""
@@ -101,6 +104,11 @@ def _view_and_axis(name: str) -> tuple[str, str] | None:
     return None
 
 
+def _of_boxes(names: Iterable[str], wanted: Sequence[str]) -> set[str]:
+    """The names that are sides of a box and nothing else; beside it x, y may be of the world."""
+    return {name for name in names if plain(name) in wanted and not re.search(r"\d", name)}
+
+
 class Sightings(Record, frozen=True):
     """The columns of a table with one position of a track per row.
 
@@ -137,7 +145,9 @@ def sightings_of(names: Iterable[str]) -> Sightings | None:
     width, height = first_of(rest, WIDTH), first_of(rest, HEIGHT)
     right = first_of([n for n in rest if n != left], RIGHT)
     bottom = first_of([n for n in rest if n != top], BOTTOM)
-    if x is not None and y is not None:
+    has_box = left in _of_boxes(rest, LEFT) and top in _of_boxes(rest, TOP)
+    has_box = has_box and width is not None and height is not None
+    if x is not None and y is not None and not has_box:
         return Sightings(track, frame, (x,), (y,))
     if left is None or top is None:
         return None

@@ -9,6 +9,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
+from mssegment.datasets.layouts import HEAD, is_binary_model, layout_of
 from mssegment.errors import DataError
 from mssegment.inputs import limits
 from mssegment.inputs.files import check_name, read_file
@@ -17,13 +18,31 @@ Variables = Mapping[str, Any]
 """The content of a file by name: variables, arrays, columns or tables."""
 
 
+_PICKLE = "a Python pickle (which may run any code)"
 _REFUSED = {
     b"PAR1": "a Parquet file",
+    b"ARROW1": "a Feather file",
     b"\xd0\xcf\x11\xe0": "an Excel workbook",
-    b"\x80\x02": "a Python pickle (which may run any code)",
-    b"\x80\x03": "a Python pickle (which may run any code)",
-    b"\x80\x04": "a Python pickle (which may run any code)",
-    b"\x80\x05": "a Python pickle (which may run any code)",
+    b"\x80\x02": _PICKLE,
+    b"\x80\x03": _PICKLE,
+    b"\x80\x04": _PICKLE,
+    b"\x80\x05": _PICKLE,
+    b"(dp0": _PICKLE,
+    b"(lp0": _PICKLE,
+    b"\x1f\x8b": "a file compressed by gzip",
+    b"BZh": "a file compressed by bzip2",
+    b"\xfd7zXZ": "a file compressed by xz",
+    b"\x28\xb5\x2f\xfd": "a file compressed by zstd",
+    b"7z\xbc\xaf": "a 7-Zip archive",
+    b"#ROSBAG": "a ROS bag",
+    b"\x89MCAP": "a ROS bag (MCAP)",
+    b"RDX": "a file of R",
+    b"X\n\0\0": "a file of R",
+    b"PF\n": "a PFM image",
+    b"%PDF": "a PDF",
+    b"version https://git-lfs": "a pointer of Git LFS (`git lfs pull` fetches the file)",
+    b"NVM_V3": "a reconstruction of VisualSFM",
+    b"# Bundle file": "a reconstruction of Bundler",
 }
 """The first bytes of files that are known and not read."""
 
@@ -96,12 +115,20 @@ def container_of(name: str, content: bytes) -> str:
         return "database"
     if name.lower().endswith(".mat"):
         return "matlab"
+    if content[:4] == b"PIEH":
+        return "flow"
+    if is_binary_model(name, content):
+        return "layout"
     if any(content.startswith(magic) for magic in _REFUSED):
         return "refused"
     start = content[:200].removeprefix(b"\xef\xbb\xbf").lstrip()
     if start[:1] == b"<":
         return "xml"
-    return "json" if start[:1] in (b"{", b"[") else "table"
+    if start[:5] == b"%YAML":
+        return "yaml"
+    if start[:1] in (b"{", b"["):
+        return "json"
+    return "layout" if layout_of(content[:HEAD].decode("utf-8-sig", "replace")) else "table"
 
 
 def is_text(head: bytes) -> bool:
@@ -133,7 +160,10 @@ def _numpy(file: InputFile) -> Variables:
 def _hdf5(file: InputFile) -> Variables:
     from mssegment.datasets.hdf5 import load_hdf5
 
-    return load_hdf5(file.content, file.name)
+    found = load_hdf5(file.content, file.name)
+    groups = [own for own in found.values() if isinstance(own, dict)]
+    # what is in the only group is read as if it stood at the top
+    return {**groups[0], **found} if len(groups) == 1 == len(found) else found
 
 
 def _database(file: InputFile) -> Variables:
@@ -150,19 +180,46 @@ def _table(file: InputFile) -> Variables:
 
 def _refused(file: InputFile) -> Variables:
     kind = next(kind for magic, kind in _REFUSED.items() if file.content.startswith(magic))
-    raise DataError(
-        f"{file.name}: {kind}, which is not read; save the tracks as CSV, or an array "
-        "[tracks, frames, 2] with numpy.save or numpy.savez"
+    advice = (
+        "unpack it first"
+        if "compressed" in kind or "archive" in kind
+        else "save the tracks as CSV, or an array [tracks, frames, 2] with numpy.save or "
+        "numpy.savez"
     )
+    raise DataError(f"{file.name}: {kind}, which is not read; {advice}")
 
 
 def _xml(file: InputFile) -> Variables:
     from mssegment.datasets.trackmate import load_xml
+    from mssegment.inputs.opencv_storage import arrays_of, of_element
 
-    return load_xml(file)
+    found = load_xml(file)
+    if found["root"].tag != "opencv_storage":
+        return found
+    tree = of_element(found["root"])
+    return arrays_of(tree) if isinstance(tree, dict) else {}
+
+
+def _flow(file: InputFile) -> Variables:
+    from mssegment.datasets.flows import load_flo
+
+    return load_flo(file)
+
+
+def _layout(file: InputFile) -> Variables:
+    return {}  # its reader parses the whole
+
+
+def _yaml(file: InputFile) -> Variables:
+    from mssegment.inputs.encodings import text_of
+    from mssegment.inputs.opencv_storage import arrays_of, of_yaml
+
+    return arrays_of(of_yaml(text_of(file.content, file.name), file.name, DataError))
 
 
 def _json(file: InputFile) -> Variables:
+    from mssegment.inputs.opencv_storage import arrays_of
+
     limits.check("text_bytes", len(file.content), file.name)
     try:
         found = _parsed(file.content.decode("utf-8-sig"))
@@ -174,7 +231,7 @@ def _json(file: InputFile) -> Variables:
                 f"{file.name}: an mssegment document, which needs no import: pass it to `mssegment "
                 "hypothesize` or `mssegment run`"
             )
-        return found
+        return arrays_of(found)
     return {"": found}
 
 
@@ -197,6 +254,9 @@ CONTAINERS: dict[str, Callable[[InputFile], Variables]] = {
     "json": _json,
     "database": _database,
     "xml": _xml,
+    "yaml": _yaml,
+    "flow": _flow,
+    "layout": _layout,
     "refused": _refused,
 }
 """The kinds of files, and how the content of each is read."""

@@ -46,7 +46,8 @@ def read(file: InputFile) -> ImportedTracks:
     points[hidden] = np.nan
     check_points(points, file.name)
     count = int(hidden.sum())
-    note = f"{count} of {hidden.size} positions are not visible (likelihood below {LIKELY:g})"
+    why = f"empty, or likelihood below {LIKELY:g}"
+    note = f"{count} of {hidden.size} positions are not visible ({why})"
     return ImportedTracks(
         file.path.stem,
         Tracks(points),

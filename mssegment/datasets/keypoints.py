@@ -25,6 +25,7 @@ _PAIRS = (
     ("mkpts0_f", "mkpts1_f"),
     ("points0", "points1"),
     ("kp0", "kp1"),
+    ("p0", "p1"),
     ("keypoints1", "keypoints2"),
     ("pts1", "pts2"),
 )
@@ -135,6 +136,8 @@ def _are_places(array: Any) -> bool:
         values = np.asarray(array, dtype=np.float64)
     except (TypeError, ValueError, OverflowError):
         return False
+    if values.ndim == 3 and 1 in values.shape[:2]:
+        values = np.squeeze(values, axis=values.shape.index(1))
     if values.ndim != 2:
         return False
     rows = values.T if len(values) in (2, 3) and values.shape[1] > 3 else values
@@ -146,8 +149,8 @@ def _places(array: Any, where: str) -> Floats:
         values = np.asarray(array, dtype=np.float64)
     except (TypeError, ValueError, OverflowError):
         raise DataError(f"{where}: expected numbers") from None
-    if values.ndim == 3 and len(values) == 1:
-        values = values[0]
+    if values.ndim == 3 and 1 in values.shape[:2]:
+        values = np.squeeze(values, axis=values.shape.index(1))
     if values.ndim == 2 and len(values) in (2, 3) and values.shape[1] > 3:
         values = values.T
     if values.ndim != 2 or values.shape[1] < 2 or not np.isfinite(values[:, :2]).all():
@@ -158,7 +161,7 @@ def _places(array: Any, where: str) -> Floats:
 KEYPOINTS = DataSet(
     "keypoints",
     "keypoints and matches of two images (LightGlue, SuperGlue, LoFTR)",
-    ("numpy", "hdf5", "matlab", "json"),
+    ("numpy", "hdf5", "matlab", "json", "yaml", "xml"),
     recognises,
     read,
 )

@@ -95,6 +95,8 @@ def _layout(table: Table) -> list[str] | None:
     if is_sighting_like(values):
         return None
     views = count // 2
+    if views > 2 and len(values) > 2 and not np.ptp(values[:, : 2 * views], axis=0).all():
+        return None  # the coordinates of tracks differ; a column of -1 is something else
     names = [f"{axis}{view + 1}" for view in range(views) for axis in "xy"]
     if count % 2 == 0:
         return names

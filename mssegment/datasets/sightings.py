@@ -98,13 +98,24 @@ def _named(table: Table) -> Table:
     """The table, with names if it has none and looks like track, frame, x, y."""
     if table.has_header or len(table) not in (4, 5):
         return table
-    if not all(table.is_numeric(name) for name in list(table)[:4]):
+    first, *rest = list(table)[:4]
+    if not all(table.is_numeric(name) for name in rest):
         return table
-    values = np.stack([table.numbers(name) for name in list(table)[:4]], axis=1)
+    is_text = all(np.isnan(number_of(cell)) and not is_missing(cell) for cell in table[first])
+    if not is_text and not table.is_numeric(first):
+        return table
+    # names of tracks count as numbers in the order of their appearance
+    places = {cell: float(i) for i, cell in enumerate(dict.fromkeys(table[first]))}
+    keys = np.array([places[c] for c in table[first]]) if is_text else table.numbers(first)
+    values = np.stack([keys, *(table.numbers(name) for name in rest)], axis=1)
     if not is_sighting_like(values):
         return table
     names = list(_UNNAMED)
-    if len(np.unique(values[:, 0])) < len(np.unique(values[:, 1])) and _runs(values[:, 0]):
+    if (
+        not is_text
+        and len(np.unique(values[:, 0])) < len(np.unique(values[:, 1]))
+        and _runs(values[:, 0])
+    ):
         names[:2] = ["frame", "track"]  # sorted by frame, as detectors write
     return table.renamed([*names, "column 5"][: len(table)])
 

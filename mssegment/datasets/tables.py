@@ -11,7 +11,7 @@ from itertools import islice
 import numpy as np
 
 from mssegment.errors import DataError
-from mssegment.inputs import limits
+from mssegment.inputs.encodings import text_of
 from mssegment.records import Floats
 
 STACKED = "|"
@@ -23,13 +23,6 @@ _COMMENTS = ("#", "%", "//")
 _MISSING = frozenset({"", "nan", "na", "n/a", "none", "null", "-nan", "nil", "<na>", "-"})
 """Cells that stand for no value, in lower case."""
 _NUMBER = re.compile(r"[-+]?(\d+([.,]\d*)?|[.,]\d+)([eEdD][-+]?\d+)?")
-_BYTE_ORDER_MARKS = {
-    b"\xef\xbb\xbf": "utf-8-sig",
-    b"\xff\xfe\0\0": "utf-32",
-    b"\0\0\xfe\xff": "utf-32",
-    b"\xff\xfe": "utf-16",
-    b"\xfe\xff": "utf-16",
-}
 
 
 class Table(Mapping[str, Sequence[str]]):
@@ -109,7 +102,7 @@ class Table(Mapping[str, Sequence[str]]):
     def renamed(self, names: Sequence[str]) -> Table:
         """The table with other names of its columns, in their order."""
         columns = dict(zip(names, self._columns.values(), strict=True))
-        return Table(self.name, columns, self.lines, self.has_header)
+        return Table(self.name, columns, self.lines)
 
 
 def is_missing(cell: str) -> bool:
@@ -127,35 +120,6 @@ def number_of(cell: str) -> float:
         return float(text)
     except ValueError:
         return float("nan")
-
-
-def text_of(content: bytes, name: str) -> str:
-    """Decode a file of text: by its byte order mark, as UTF-8, as UTF-16, or as Windows-1252.
-
-    Raises DataError if the content is binary.
-    """
-    limits.check("text_bytes", len(content), name)
-    for mark, encoding in _BYTE_ORDER_MARKS.items():
-        if content.startswith(mark):
-            return _decoded(content, encoding, name)
-    head = content[:1000]
-    if head.count(b"\0") > len(head) // 4:
-        even = head[::2].count(b"\0") > head[1::2].count(b"\0")
-        return _decoded(content, "utf-16-be" if even else "utf-16-le", name)
-    if b"\0" in head:
-        raise DataError(f"{name}: a binary file of an unknown kind; expected tracks")
-    try:
-        return content.decode("utf-8")
-    except UnicodeDecodeError:
-        # spreadsheets on older systems; only names and notes have such letters
-        return content.decode("cp1252", errors="replace")
-
-
-def _decoded(content: bytes, encoding: str, name: str) -> str:
-    try:
-        return content.decode(encoding)
-    except UnicodeDecodeError as error:
-        raise DataError(f"{name}: damaged text ({error.reason}); export the table again") from None
 
 
 def read_table(content: bytes, name: str) -> Table:
@@ -196,16 +160,16 @@ def read_table(content: bytes, name: str) -> Table:
             named = comment[1].replace(",", " ").split()
         if len(named) == len(rows[0][1]):
             rows.insert(0, (comment[0], named))
-    rows = _unstacked(rows)
+    rows = _unstacked(_without_preamble(rows))
     has_header = not _is_data(rows[0][1])
     first = rows[0][1]
     names = [cell.strip().lower() for cell in first] if has_header else _numbered(len(first))
     body = rows[1:] if has_header else rows
     names = _without_trailing(names, body)
-    _check_names(names, name, rows[0][0])
     for number, row in body:
         if len(row) != len(names):
             raise DataError(f"{name}: line {number}: {len(row)} fields; expected {len(names)}")
+    names = _checked_names(names, body, name, rows[0][0])
     columns = {own: [row[i] for _, row in body] for i, own in enumerate(names)}
     return Table(name, columns, [number for number, _ in body], has_header)
 
@@ -277,6 +241,12 @@ def _is_data(row: Sequence[str]) -> bool:
     return sum(good) * 2 > len(row)
 
 
+def _without_preamble(rows: list[tuple[int, list[str]]]) -> list[tuple[int, list[str]]]:
+    """The rows without lines of a single cell above the table, such as its title."""
+    start = next((i for i, (_, row) in enumerate(rows[:_SAMPLE]) if sum(map(bool, row)) > 1), 0)
+    return rows[start:]
+
+
 def _unstacked(rows: list[tuple[int, list[str]]]) -> list[tuple[int, list[str]]]:
     """DeepLabCut's three or four lines of names as one, without the scorer."""
     first = [row[0].strip().lower() for _, row in rows[:4]]
@@ -285,7 +255,10 @@ def _unstacked(rows: list[tuple[int, list[str]]]) -> list[tuple[int, list[str]]]
     last = first.index("coords")
     columns = zip(*(row for _, row in rows[1 : last + 1]), strict=False)
     names = [STACKED.join(cell.strip() for cell in column) for column in columns]
-    return [(rows[last][0], ["frame", *names[1:]]), *rows[last + 1 :]]
+    # labelled pictures have their folder, clip and name in three columns
+    index = [name for name in names[1:3] if not name.strip(STACKED)]
+    frame = ["folder", "clip", "frame"] if len(index) == 2 else ["frame"]
+    return [(rows[last][0], [*frame, *names[len(frame) :]]), *rows[last + 1 :]]
 
 
 def _numbered(count: int) -> list[str]:
@@ -302,13 +275,22 @@ def _without_trailing(names: list[str], body: list[tuple[int, list[str]]]) -> li
     return names
 
 
-def _check_names(names: list[str], path: str, line: int) -> None:
-    """Number empty names; raises DataError for a name that stands twice."""
-    for i, name in enumerate(names):
-        if not name:
-            names[i] = f"column {i + 1}"
-    twice = next((name for name in names if names.count(name) > 1), None)
-    if twice is not None:
-        raise DataError(
-            f"{path}: line {line}: two columns have the same name '{twice}'; rename one"
-        )
+def _checked_names(
+    names: list[str], body: list[tuple[int, list[str]]], path: str, line: int
+) -> list[str]:
+    """Number empty names, and keep one of two equal columns, such as an index that pandas repeats.
+
+    Raises DataError for a name of two columns that differ.
+    """
+    names = [name or f"column {i + 1}" for i, name in enumerate(names)]
+    repeated = [i for i, name in enumerate(names) if name in names[:i]]
+    for i in repeated:
+        first = names.index(names[i])
+        if any(row[i] != row[first] for _, row in body):
+            raise DataError(
+                f"{path}: line {line}: two columns have the same name '{names[i]}'; rename one"
+            )
+    if repeated:
+        for _, row in body:
+            row[:] = [cell for i, cell in enumerate(row) if i not in repeated]
+    return [name for i, name in enumerate(names) if i not in repeated]

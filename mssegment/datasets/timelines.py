@@ -15,11 +15,12 @@ from mssegment.datasets.base import (
     check_points,
     frames_inside,
     size_that_holds,
+    unseen,
 )
 from mssegment.datasets.columns import CONFIDENCE, FRAME, TRACK, first_of, plain
 from mssegment.datasets.containers import InputFile, Variables
 from mssegment.datasets.tables import Table
-from mssegment.datasets.track_columns import LIKELY, ignored_columns
+from mssegment.datasets.track_columns import LIKELY, ignored_columns, in_order, keys_of
 from mssegment.errors import DataError
 from mssegment.records import Floats, Tracks
 
@@ -36,10 +37,11 @@ def recognises(columns: Variables) -> bool:
         return False
     time = first_of(columns, FRAME)
     rest = [name for name in columns if name != time]
-    if first_of(rest, TRACK) is not None:
-        return False
-    points = _points_of(rest)
+    track = first_of(rest, TRACK)
+    points = _points_of(name for name in rest if name != track)
     named = [name for name in points if not _OF_VIEWS.fullmatch(name)]
+    if track is not None:  # several named points of each object
+        return time is not None and len(named) == len(points) >= 2
     if time is None:
         # words; numbered ones, such as p1 to p8, may be the views of one track
         return len(named) >= 3 and not any(re.search(r"\d", name) for name in points)
@@ -54,15 +56,19 @@ def read(file: InputFile) -> ImportedTracks:
     table = file.variables
     assert isinstance(table, Table)
     time = first_of(table, FRAME)
-    columns = _points_of(name for name in table if name != time)
+    track = first_of([name for name in table if name != time], TRACK)
+    columns = _points_of(name for name in table if name not in (time, track))
     points = np.stack([_positions(table, *axes) for axes in columns.values()])
-    used = {time, *(name for axes in columns.values() for name in axes)}
+    used = {time, track, *(name for axes in columns.values() for name in axes)}
     for row, point in enumerate(columns):
         likely = _likelihood(table, point)
         if likely is not None:
             used.add(likely)
             points[row, ~(table.numbers(likely) >= LIKELY)] = np.nan
-    if time is not None:
+    ids = list(columns)
+    if time is not None and track is not None:
+        points, ids = _by_object(points, ids, table, time, track)
+    elif time is not None:
         points = points[:, _order(table, time)]
     check_pixels(points, file.name)
     check_points(points, file.name)
@@ -71,7 +77,7 @@ def read(file: InputFile) -> ImportedTracks:
         file.path.stem,
         Tracks(points),
         frames_inside(file.name, file.content, range(points.shape[1]), *size_that_holds(points)),
-        ids=tuple(columns),
+        ids=tuple(ids),
         notes=(*notes, *ignored_columns(table, used)),
     )
 
@@ -86,6 +92,34 @@ def _points_of(names: Iterable[str]) -> dict[str, tuple[str, str]]:
         elif match := _AXIS_FIRST.fullmatch(short):
             found.setdefault(match[2], {}).setdefault(match[1], name)
     return {point: (axes["x"], axes["y"]) for point, axes in found.items() if len(axes) == 2}
+
+
+def _by_object(
+    points: Floats, ids: list[str], table: Table, time: str, track: str
+) -> tuple[Floats, list[str]]:
+    """Positions [points, rows, 2] as those of each object in each frame.
+
+    Raises DataError if an object has two rows in a frame.
+    """
+    objects, times = keys_of(table[track]), keys_of(table[time])
+    names, frames = in_order(set(objects)), in_order(set(times))
+    found = unseen(len(points) * len(names), len(frames), table.name)
+    row, column = ({key: i for i, key in enumerate(keys)} for keys in (names, frames))
+    cells = [
+        row[own] * len(frames) + column[when] for own, when in zip(objects, times, strict=True)
+    ]
+    first = {cell: i for i, cell in reversed(list(enumerate(cells)))}
+    if len(first) < len(cells):
+        twice = next(i for i, cell in enumerate(cells) if first[cell] < i)
+        raise DataError(
+            f"{table.name}: line {table.lines[twice]}: {track} {objects[twice]} has a second row "
+            f"in frame {times[twice]}; expected one row for each object and frame"
+        )
+    found = found.reshape(len(names) * len(frames), len(points), 2)
+    found[cells] = np.swapaxes(points, 0, 1)
+    found = found.reshape(len(names), len(frames), len(points), 2).swapaxes(1, 2)
+    named = [f"{own} {point}" for own in names for point in ids]
+    return found.reshape(len(named), len(frames), 2), named
 
 
 def _positions(table: Table, x: str, y: str) -> Floats:

@@ -67,9 +67,27 @@ def _entries(content: Variables) -> Sequence[Entry]:
     """The list of tracks; empty if there is none."""
     for name in _LISTS:
         found = content.get(name) if isinstance(content, Mapping) else None
+        if isinstance(found, np.ndarray) and found.dtype == object and found.size:
+            found = [_of_cell(cell) for cell in found.ravel()]
         if isinstance(found, list) and found and all(map(_is_track, found)):
             return found
     return ()
+
+
+def _of_cell(cell: Any) -> Entry | None:
+    """The positions in a cell of Matlab, [n, 2], or [n, 3] with the frame first or last."""
+    if not isinstance(cell, np.ndarray) or cell.ndim != 2 or cell.dtype.kind not in "fiu":
+        return None
+    if cell.shape[1] == 2:
+        return {"points": cell.tolist()}
+    if cell.shape[1] != 3:
+        return None
+    for axis in (0, 2):
+        frames = cell[:, axis].astype(np.float64)
+        if (frames == np.round(frames)).all() and (np.diff(frames) > 0).all():
+            places = np.delete(cell, axis, axis=1)
+            return {"points": places.tolist(), "frames": [f"{frame:.0f}" for frame in frames]}
+    return None
 
 
 def _is_track(entry: Any) -> bool:
@@ -136,8 +154,8 @@ def _where(file: InputFile, index: int) -> str:
 
 TRACK_LISTS = DataSet(
     "track_lists",
-    "a list of tracks with points and frames each (JSON)",
-    ("json",),
+    "a list of tracks with points and frames each (JSON, cells of Matlab)",
+    ("json", "matlab"),
     recognises,
     read,
 )

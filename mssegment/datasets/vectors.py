@@ -9,6 +9,7 @@ import numpy as np
 from mssegment.datasets import matches, sightings
 from mssegment.datasets.base import DataSet, ImportedTracks
 from mssegment.datasets.containers import InputFile, Variables
+from mssegment.datasets.json_tables import columns_of
 from mssegment.datasets.tables import Table
 from mssegment.errors import DataError
 
@@ -30,9 +31,9 @@ def read(file: InputFile) -> ImportedTracks:
 
 
 def _table(content: Variables, name: str) -> Table | None:
-    records = content.get("")
-    if isinstance(records, list) and records and all(isinstance(r, dict) for r in records):
-        columns = {key: [_cell(row.get(key)) for row in records] for key in records[0]}
+    listed = {} if _has_arrays(content) else columns_of(content)
+    if listed:
+        columns = {key: [_cell(value) for value in cells] for key, cells in listed.items()}
     else:
         columns = {key: _cells(value) for key, value in content.items() if _is_vector(value)}
         lengths = [len(cells) for cells in columns.values()]
@@ -42,6 +43,11 @@ def _table(content: Variables, name: str) -> Table | None:
         return None
     lower = {key.lower(): cells for key, cells in columns.items()}
     return Table(name, lower, range(1, len(next(iter(lower.values()))) + 1))
+
+
+def _has_arrays(content: Variables) -> bool:
+    """Whether the file is none of JSON: arrays have no records in them."""
+    return any(isinstance(value, np.ndarray) for value in content.values())
 
 
 def _is_vector(value: Any) -> bool:
@@ -67,7 +73,7 @@ def _cell(value: Any) -> str:
 VECTORS = DataSet(
     "vectors",
     "vectors named x1, y1, x2, y2 or track, frame, x, y (.mat, .npz, JSON, HDF5)",
-    ("matlab", "numpy", "json", "hdf5"),
+    ("matlab", "numpy", "json", "hdf5", "yaml"),
     recognises,
     read,
 )
