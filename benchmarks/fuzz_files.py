@@ -10,6 +10,7 @@ import cv2
 import numpy as np
 import yaml
 
+from benchmarks.fuzz_tracks import write_track_files
 from mssegment.cli import invoke
 
 
@@ -51,6 +52,7 @@ def _write_tables(folder: Path, first: Any, second: Any) -> None:
     head = ["time", *(f"p{p} {axis}" for p in range(60) for axis in "xy")]
     times = [[f, *tracks[:, f].ravel()] for f in range(5)]
     (folder / "r.csv").write_text("\n".join(";".join(map(str, row)) for row in [head, *times]))
+    write_track_files(folder, tracks)
     np.savez(folder / "w.npz", W=tracks.transpose(1, 2, 0).reshape(10, 60))
     np.savez(folder / "k.npz", kptsA=first, kptsB=second.T)
     from scipy.io import savemat  # slow to import

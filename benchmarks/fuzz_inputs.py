@@ -16,6 +16,7 @@ from typing import Any
 import yaml
 from hypothesis import strategies as st
 
+from benchmarks.fuzz_tracks import LAYOUTS, TREES, WHOLE
 from mssegment.configuration import KEYS
 
 Case = tuple[dict[str, bytes], list[str]]
@@ -173,6 +174,17 @@ def _arrays(folder: Path) -> st.SearchStrategy[Case]:
     )
 
 
+def _layouts(folder: Path) -> st.SearchStrategy[Case]:
+    """Tracks as other programs lay them out. Some are known by their name."""
+
+    def case(pair: tuple[str, bytes]) -> Case:
+        name = pair[0].removeprefix(WHOLE)
+        return {name: pair[1]}, ["import", name]
+
+    trees = _mutations(folder, [WHOLE + name for name in TREES], is_json=True)
+    return st.one_of(_mutations(folder, [WHOLE + name for name in LAYOUTS]), trees).map(case)
+
+
 def _headers() -> st.SearchStrategy[Case]:
     """Arrays of numpy whose header states anything."""
     shape = st.lists(st.sampled_from([0, 1, 2, 5, 60, 10**6, 10**12, -1]), max_size=4).map(tuple)
@@ -289,6 +301,7 @@ KINDS: dict[str, Callable[[Path], st.SearchStrategy[Case]]] = {
     "tables": _tables,
     "cells": _cells,
     "arrays": _arrays,
+    "layouts": _layouts,
     "matlab": _matlab,
     "cameras": _cameras,
     "labels": _labels,

@@ -197,6 +197,16 @@ def open_tracks(configuration: Configuration) -> TracksDocument | None:
     return document
 
 
+def is_configuration(path: str) -> bool:
+    """Whether an input is a configuration file: YAML, but not that of OpenCV's FileStorage."""
+    if Path(path).suffix.lower() not in (".yaml", ".yml"):
+        return False
+    if not os.path.isfile(path):
+        return True
+    with Path(path).open("rb") as file:
+        return not file.read(16).startswith(b"%YAML")
+
+
 def is_for_data(configuration: Configuration) -> bool:
     """Whether the model is one of data that is no picture, so that the input is such data."""
     from mssegment.models import MODELS

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import sys
 import time
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
@@ -196,10 +195,10 @@ def _configuration(
 
     The images on the command line count as an option.
     """
-    from mssegment.runs import are_tracks, is_for_data
+    from mssegment.runs import are_tracks, is_configuration, is_for_data
 
     layers: list[Setting] = []
-    if any(Path(path).suffix.lower() in (".yaml", ".yml") for path in inputs):
+    if any(is_configuration(path) for path in inputs):
         if len(inputs) > 1:
             raise UsageError(
                 f"{' '.join(inputs)}: expected one configuration file, or images, not both"
