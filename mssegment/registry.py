@@ -155,7 +155,11 @@ CAMERAS: Registry[Any] = Registry(
     "camera format",
     {
         "kitti": "mssegment.cameras.kitti:KITTI",
+        "named_text": "mssegment.cameras.named_text:NAMED_TEXT",
         "colmap": "mssegment.cameras.colmap:COLMAP",
+        "colmap_binary": "mssegment.cameras.colmap_binary:COLMAP_BINARY",
+        "centred": "mssegment.cameras.centred:CENTRED",
+        "lists": "mssegment.cameras.lists:LISTS",
         "camodocal": "mssegment.cameras.camodocal:CAMODOCAL",
         "bare_matrix": "mssegment.cameras.bare_matrix:BARE_MATRIX",
         "matrix_keys": "mssegment.cameras.matrix_keys:MATRIX_KEYS",

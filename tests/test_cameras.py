@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import struct
 from collections.abc import Callable
 from pathlib import Path
 
@@ -11,7 +12,7 @@ import numpy as np
 import pytest
 import scipy.io
 
-from mssegment.cameras import fitted, read_camera
+from mssegment.cameras import fitted, notes_on_tracks, read_camera
 from mssegment.errors import ConfigurationError
 from mssegment.imaging.camera import undistort_points
 from mssegment.records import Camera
@@ -270,10 +271,10 @@ def test_fisheye_points_become_those_of_a_pinhole(rng: np.random.Generator) -> N
         ("hello\n", "no camera in this file"),
         (VINS.replace("PINHOLE", "MEI"), "model_type MEI; expected one of PINHOLE"),
         (VINS.replace(f"fx: {FX}", "fx: wide"), "fx is 'wide'; expected a number"),
-        ("fx = 1\nfx = 2\nfy = 1\n", "option 'fx' .* already exists"),
+        ("fx = 1\nfx = 2\nfy = 1\n", "line 2: fx stands twice"),
         ('{"camera_angle_x": 0.7, "frames": []}', "camera_angle_x without w and h"),
         ('{"camera_angle_x": 7, "w": 4, "h": 4}', "camera_angle_x is 7; expected radians"),
-        ("<calibration><projection>frame</projection><f>800</f></calibration>", "Metashape's own"),
+        ("<calibration><projection>frame</projection><f>800</f></calibration>", "width is missing"),
         ("<opencv_storage><broken>", "not XML"),
         ('<!DOCTYPE a [<!ENTITY b "c">]><a>&b;</a>', "DOCTYPE"),
         ("fx: 800\nfy: 0\ncx: 1\ncy: 1\n", "fy is 0; expected more than 0"),
@@ -341,3 +342,259 @@ def test_distortion_is_never_lost_by_the_name_of_its_key(
     known = {"camera_matrix": K.tolist()} if as_matrix else PLAIN
     (tmp_path / "c.json").write_text(json.dumps({**known, key: [BROWN]}))
     np.testing.assert_allclose(read_camera(str(tmp_path / "c.json")).distortion, BROWN)
+
+
+# --- rigs, reconstructions, text ------------------------------------------------------------------
+
+RADIAL = (BROWN[0], BROWN[1], 0.0, 0.0, BROWN[4])
+KB_NAMES = dict(zip(("k1", "k2", "k3", "k4"), KB, strict=True))
+BROWN_NAMES = dict(zip(("k1", "k2", "p1", "p2", "k3"), BROWN, strict=True))
+
+
+def basalt(kind: str, values: dict[str, float], count: int = 1) -> str:
+    own = {"camera_type": kind, "intrinsics": PLAIN | values}
+    other = {"camera_type": kind, "intrinsics": PLAIN | values | {"fx": 1.0}}
+    cameras = [other] * (count - 1) + [own]
+    inner = {"T_imu_cam": [{"px": 1}], "intrinsics": cameras, "resolution": [[640, 480]] * count}
+    return json.dumps({"value0": inner})
+
+
+def openmvg(name: str, values: dict[str, object], nested: bool = False) -> str:
+    data: dict[str, object] = {**SIZED, "focal_length": FX, "principal_point": [CX, CY]}
+    data = {"value0": data, **values} if nested else {**data, **values}
+    value = {
+        "polymorphic_id": 2147483649,
+        "polymorphic_name": name,
+        "ptr_wrapper": {"id": 2147483660, "data": data},
+    }
+    return json.dumps({"sfm_data_version": "0.3", "intrinsics": [{"key": 0, "value": value}]})
+
+
+def meshroom(version: str, **values: object) -> str:
+    """All numbers are text in Meshroom's files."""
+    entry = {"intrinsicId": "7", "width": "640", "height": "480", "type": "radial3"}
+    bent = [str(BROWN[0]), str(BROWN[1]), str(BROWN[4])]
+    intrinsics = [{**entry, "distortionParams": bent, **values}]
+    return json.dumps({"version": version.split("."), "intrinsics": intrinsics})
+
+
+OFFSET = [str(CX - 320), str(CY - 240)]
+METASHAPE = (
+    f"<f>{FY}</f><cx>{CX + 0.5 - 320}</cx><cy>{CY + 0.5 - 240}</cy><b1>{FX - FY}</b1>"
+    f"<k1>{BROWN[0]}</k1><k2>{BROWN[1]}</k2><k3>{BROWN[4]}</k3>"
+    f"<p1>{BROWN[3]}</p1><p2>{BROWN[2]}</p2>"
+)
+MATRIX_ROWS = "\n".join(" ".join(map(str, row)) for row in K.tolist())
+RIGS: dict[str, tuple[str, str | bytes, tuple[float, ...]]] = {
+    "basalt": ("c.json", basalt("pinhole", {}), ()),
+    "basalt, kb4": ("c.json", basalt("kb4", KB_NAMES), KB),
+    "basalt, radtan8": (
+        "c.json",
+        basalt("pinhole-radtan8", {**BROWN_NAMES, "k4": 0, "k5": 0, "k6": 0, "rpmax": 2.7}),
+        BROWN,
+    ),
+    "basalt, a sphere that is none": ("c.json", basalt("ds", {"xi": 0, "alpha": 0}), ()),
+    "basalt, one of two": ("c.json#cam1", basalt("pinhole", {}, 2), ()),
+    "openmvg": ("sfm_data.json", openmvg("pinhole", {}), ()),
+    "openmvg, radial": (
+        "sfm_data.json",
+        openmvg("pinhole_radial_k3", {"disto_k3": [BROWN[0], BROWN[1], BROWN[4]]}, nested=True),
+        RADIAL,
+    ),
+    "openmvg, brown": (
+        "sfm_data.json",
+        openmvg("pinhole_brown_t2", {"disto_t2": [BROWN[i] for i in (0, 1, 4, 2, 3)]}),
+        BROWN,
+    ),
+    "openmvg, fisheye": ("sfm_data.json", openmvg("fisheye", {"fisheye": KB}), KB),
+    "meshroom 2019": (
+        "cameras.sfm",
+        meshroom("1.0.0", pxFocalLength=str(FX), principalPoint=[str(CX), str(CY)]),
+        RADIAL,
+    ),
+    "meshroom 2021": (
+        "cameras.sfm",
+        meshroom("1.2.1", pxFocalLength=[str(FX), str(FY)], principalPoint=OFFSET),
+        RADIAL,
+    ),
+    "meshroom 2023": (
+        "cameras.sfm",
+        meshroom(
+            "1.2.6",
+            sensorWidth="36",
+            focalLength=str(FX * 36 / 640),
+            pixelRatio=str(FY / FX),
+            principalPoint=OFFSET,
+        ),
+        RADIAL,
+    ),
+    "metashape": (
+        "cameras.xml",
+        '<?xml version="1.0" encoding="UTF-8"?>\n<document><chunk><sensors><sensor id="0">'
+        '<calibration type="frame"><resolution width="640" height="480"/>'
+        f"{METASHAPE}</calibration></sensor></sensors></chunk></document>",
+        BROWN,
+    ),
+    "metashape, a calibration": (
+        "c.xml",
+        "<calibration><projection>frame</projection><width>640</width><height>480</height>"
+        f"{METASHAPE}<date>2024</date></calibration>",
+        BROWN,
+    ),
+    "opensfm": (
+        "camera_models.json",
+        json.dumps(
+            {
+                "v2 maker 640 480": SIZED
+                | {"projection_type": "brown", "focal_x": FX / 640, "focal_y": FY / 640}
+                | {"c_x": (CX - 319.5) / 640, "c_y": (CY - 239.5) / 640, **BROWN_NAMES}
+            }
+        ),
+        BROWN,
+    ),
+    "colmap, binary": (
+        "cameras.bin",
+        struct.pack("<QiiQQ8d", 1, 3, 4, 640, 480, FX, FY, CX + 0.5, CY + 0.5, *BROWN[:4]),
+        BROWN[:4],
+    ),
+    "orb-slam 3, fisheye": (
+        "o.yaml",
+        '%YAML:1.0\nCamera.type: "KannalaBrandt8"\nCamera.width: 640\nCamera.height: 480\n'
+        f"Camera1.fx: {FX}\nCamera1.fy: {FY}\nCamera1.cx: {CX}\nCamera1.cy: {CY}\n"
+        + "".join(f"Camera1.{name}: {value}\n" for name, value in KB_NAMES.items()),
+        KB,
+    ),
+    "okvis": (
+        "config.yaml",
+        "%YAML:1.0\ncameras:\n     - {T_SC:\n        [1, 0, 0, 0,\n          0, 1, 0, 0],\n"
+        f"        image_dimension: [640, 480],\n"
+        f"        distortion_coefficients: {list(BROWN[:4])},\n"
+        "        distortion_type: radialtangential,\n"
+        f"        focal_length: [{FX}, {FY}],\n        principal_point: [{CX}, {CY}]}}\n",
+        BROWN[:4],
+    ),
+    "svo": (
+        "svo.yaml",
+        "label: rig\ncameras:\n- camera:\n    label: left\n    image_height: 480\n"
+        "    image_width: 640\n    type: pinhole\n    intrinsics:\n      cols: 1\n      rows: 4\n"
+        f"      data: [{FX}, {FY}, {CX}, {CY}]\n    distortion:\n      type: radial-tangential\n"
+        f"      parameters: {{cols: 1, rows: 4, data: {list(BROWN[:4])}}}\n",
+        BROWN[:4],
+    ),
+    "mrcal": (
+        "left.cameramodel",
+        f"# made\n{{\n    'lensmodel': 'LENSMODEL_OPENCV5',\n    # fx,fy,cx,cy\n    'intrinsics': "
+        f"[ {FX}, {FY}, {CX}, {CY}, {', '.join(map(str, BROWN))},],\n"
+        "    'imagersize': [ 640, 480,]\n}",
+        BROWN,
+    ),
+    "nerfstudio, frames": (
+        "transforms.json",
+        json.dumps(
+            {
+                "camera_model": "OPENCV",
+                "frames": [
+                    {"file_path": f"{i}.png", "fl_x": FX, "fl_y": FY, "cx": CX, "cy": CY}
+                    | {"w": 640, "h": 480}
+                    for i in range(3)
+                ],
+            }
+        ),
+        (),
+    ),
+    "nested": (
+        "c.yaml",
+        f"camera:\n  resolution: {{width: 640, height: 480}}\n  width: 640\n  height: 480\n"
+        f"  intrinsics: {{fx: {FX}, fy: {FY}, cx: {CX}, cy: {CY}}}\n",
+        (),
+    ),
+    "vectors": (
+        "c.json",
+        json.dumps(
+            {"focal_length": [FX, FY], "principal_point": [CX, CY], "image_size": [640, 480]}
+        ),
+        (),
+    ),
+    "toolbox, text": (
+        "Calib_Results.m",
+        f"% made\nfc = [ {FX} ; {FY} ];\ncc = [ {CX} ; {CY} ];\nalpha_c = 0.0;\n"
+        f"kc = [ {' ; '.join(map(str, BROWN))} ];\nnx = 640;\nny = 480;\n",
+        BROWN,
+    ),
+    "ost": (
+        "ost.txt",
+        f"# oST version 5.0 parameters\n\n[image]\n\nwidth\n640\n\nheight\n480\n\n[left]\n\n"
+        f"camera matrix\n{MATRIX_ROWS}\n\ndistortion\n{' '.join(map(str, BROWN))}\n\n"
+        "rectification\n1 0 0\n0 1 0\n0 0 1\n",
+        BROWN,
+    ),
+    "opencv before 2.0": (
+        "c.yml",
+        f"%YAML:1.0\nimage_width:640\nimage_height:480\ncamera_matrix:!!opencv-matrix\n   rows:3\n"
+        f"   cols:3\n   dt:d\n   data:[ {FX}, 0., {CX}, 0., {FY},\n       {CY}, 0., 0., 1. ]\n",
+        (),
+    ),
+}
+UNSIZED: dict[str, tuple[str, str, tuple[float, ...]]] = {
+    "matlab": ("k.m", f"K = [{FX} 0 {CX}; 0 {FY} {CY}; 0 0 1];\n", ()),
+    "python": ("k.txt", f"mtx = np.array([[{FX}, 0, {CX}], [0, {FY}, {CY}], [0, 0, 1]])\n", ()),
+    "4x4": ("intrinsic.txt", f"{FX} 0 {CX} 0\n0 {FY} {CY} 0\n0 0 1 0\n0 0 0 1\n", ()),
+    "tum": ("tum.txt", f"# fx fy\n{FX} {FY} {CX} {CY} {' '.join(map(str, BROWN))}\n", BROWN),
+    "pairs": ("k.csv", f"fx,{FX}\nfy,{FY}\ncx,{CX}\ncy,{CY}\n", ()),
+    "one line": ("k.txt", f"fx: {FX} fy: {FY} cx: {CX} cy: {CY}\n", ()),
+    "a row": ("k.csv", f"fx,fy,cx,cy\n{FX},{FY},{CX},{CY}\n", ()),
+}
+
+
+@pytest.mark.parametrize("kind", [*RIGS, *UNSIZED])
+def test_rigs_reconstructions_and_text(tmp_path: Path, kind: str) -> None:
+    name, content, distortion = (RIGS | UNSIZED)[kind]
+    path = tmp_path / name.split("#")[0]
+    path.write_bytes(content if isinstance(content, bytes) else content.encode())
+    found = read_camera(str(tmp_path / name))
+    fy = FX if kind.startswith("openmvg") or kind == "meshroom 2019" else FY
+    np.testing.assert_allclose([found.fx, found.fy, found.cx, found.cy], [FX, fy, CX, CY])
+    bent = np.trim_zeros(np.array(found.distortion), "b")
+    np.testing.assert_allclose(bent, distortion)
+    assert found.distortion_model == ("fisheye" if distortion == KB else "brown")
+    assert (found.width, found.height) == ((640, 480) if kind in RIGS else (None, None))
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "words"),
+    [
+        ("c.json", basalt("ds", {"xi": -0.2, "alpha": 0.6}), "camera_type ds; expected pinhole"),
+        ("c.json", basalt("pinhole", {}, 2), r"holds 2 cameras .cam0, cam1.; choose one"),
+        ("c.json", json.dumps(PLAIN | {"xi": -0.2, "alpha": 0.6}), "a double sphere"),
+        ("s.json", openmvg("spherical", {}), "model spherical; expected one of pinhole"),
+        ("s.json", '{"sfm_data_version": "0.3", "intrinsics": []}', "no intrinsics"),
+        ("s.json", openmvg("pinhole", {}).replace("focal_length", "x"), "no focal_length in it"),
+        ("m.sfm", meshroom("1.2.6", type="3deanamorphic4"), "type 3deanamorphic4; expected one"),
+        ("m.sfm", meshroom("1.2.6"), "no focalLength in it"),
+        ("m.xml", "<calibration><f>1</f></calibration>", "width is missing; expected a number"),
+        ("cameras.bin", bytes(7), "a damaged file, or none of COLMAP's cameras"),
+        ("cameras.bin", struct.pack("<QiiQQ", 1, 1, 99, 640, 480), "a damaged file, or none"),
+        ("c.ini", "[left]\nfx = 1\nfx = 2\n", r"c.ini: line 3: .left.: fx stands twice"),
+        ("c.cameramodel", "{'lensmodel': 'LENSMODEL_SPLINED', 'intrinsics': [1,2,3,4]}", "SPLINED"),
+    ],
+)
+def test_cameras_that_are_not_read(tmp_path: Path, name: str, content: str, words: str) -> None:
+    path = tmp_path / name
+    path.write_bytes(content if isinstance(content, bytes) else content.encode())
+    with pytest.raises(ConfigurationError, match=words) as caught:
+        read_camera(str(path))
+    assert "\n" not in str(caught.value)
+
+
+def test_lines_of_yaml_are_counted_with_its_directive(tmp_path: Path) -> None:
+    (tmp_path / "c.yaml").write_text("%YAML:1.0\n---\nfx: 800\nfy: [1, 2\ncx: 3\n")
+    with pytest.raises(ConfigurationError, match=r"c.yaml:5:3: not YAML"):
+        read_camera(str(tmp_path / "c.yaml"))
+
+
+def test_a_camera_for_tracks_is_checked_by_what_they_cover() -> None:
+    own = Camera(800.0, 800.0, 320.0, 240.0, width=640, height=480)
+    assert not notes_on_tracks(own, 650, 300)
+    assert "reach over 1900x1000 pixels, but the camera" in notes_on_tracks(own, 1900, 1000)[0]
+    with pytest.raises(ConfigurationError, match="fx is 4, which cannot be pixels"):
+        notes_on_tracks(Camera(4.0, 4.0, 2.0, 2.0), 640, 480)

@@ -5,13 +5,13 @@ from __future__ import annotations
 import os
 
 from mssegment.cameras.base import CameraFile, CameraFormat
-from mssegment.cameras.checks import fitted
+from mssegment.cameras.checks import fitted, notes_on_tracks
 from mssegment.errors import ConfigurationError
 from mssegment.inputs.files import read_file
 from mssegment.records import Camera
 from mssegment.registry import CAMERAS
 
-__all__ = ["CAMERAS", "CameraFormat", "fitted", "read_camera"]
+__all__ = ["CAMERAS", "CameraFormat", "fitted", "notes_on_tracks", "read_camera"]
 
 
 def read_camera(path: str) -> Camera:
@@ -36,7 +36,11 @@ def read_camera(path: str) -> Camera:
     for form in CAMERAS.values():
         try:
             found: dict[str, Camera] = form.read(file)
-        except (ValueError, TypeError, OverflowError) as error:
+        except KeyError as error:
+            raise ConfigurationError(
+                f"{file.name}: a damaged camera file (no {error.args[0]} in it); write it again"
+            ) from None
+        except (ValueError, TypeError, OverflowError, AttributeError, IndexError) as error:
             raise ConfigurationError(
                 f"{file.name}: a damaged camera file ({error}); write it again"
             ) from None
@@ -77,14 +81,10 @@ def _chosen(found: dict[str, Camera], file: CameraFile, name: str) -> Camera:
 def _looks_like(file: CameraFile) -> str:
     if not file.content.strip():
         return "empty; expected a camera (fx, fy, cx, cy)"
-    if file.name.endswith(".bin"):
-        return (
-            "a binary file; of COLMAP's, give cameras.txt (`colmap model_converter` writes it "
-            "with --output_type TXT)"
-        )
     keys = [str(key) for key in file.tree]
     shown = f"the keys {', '.join(keys[:8])}" if keys else "no keys"
     return (
         f"no camera in this file, found {shown}; expected fx, fy, cx, cy, or a file of OpenCV, "
-        "ROS, Kalibr, EuRoC, ORB-SLAM, COLMAP, KITTI, Open3D or RealSense, or a 3x3 matrix"
+        "ROS, Kalibr, EuRoC, ORB-SLAM, Basalt, COLMAP, openMVG, Meshroom, Metashape, KITTI, "
+        "Open3D or RealSense, or a 3x3 matrix"
     )

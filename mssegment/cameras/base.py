@@ -32,6 +32,11 @@ _DISTORTION = re.compile(
     r"|coeffs|kc|d)(?P<suffix>left|right|l|r|\d*)"
 )
 """Plain keys of lists of distortion coefficients."""
+_MODEL_KEYS = (
+    *("distortionmodel", "distortiontype", "cameramodel", "cameratype", "lensmodel", "model"),
+    "type",
+)
+"""Plain keys of the name of a distortion model."""
 LARGEST_SKEW_SHIFT = 0.5
 """Skew that moves no point of the picture by more than this, in pixels, is left out."""
 
@@ -226,7 +231,8 @@ def numbers_of(value: Any) -> Floats | None:
             return None
         return flat.reshape(shape) if flat.size == shape[0] * shape[1] else flat
     if isinstance(value, str):
-        value = re.split(r"[\s,;]+", value.strip("[]() \n"))
+        inner = re.sub(r"^\s*(np\.|numpy\.)?(array|matrix|Mat\w*)\s*\(", "", value)
+        value = re.split(r"[\s,;\[\]()]+", inner.strip("[]() \n;,"))
     try:
         found = np.array(value, dtype=np.float64)
     except (TypeError, ValueError, OverflowError):
@@ -235,8 +241,13 @@ def numbers_of(value: Any) -> Floats | None:
 
 
 def matrix_of(value: Any) -> Floats | None:
-    """A 3x3 or 3x4 matrix from nested or flat numbers, also by columns; None if it is none."""
+    """A 3x3 or 3x4 matrix from nested or flat numbers, also by columns; None if it is none.
+
+    Of a 4x4 matrix, whose last row is 0 0 0 1, the first three rows count.
+    """
     found = numbers_of(value)
+    if found is not None and found.size == 16 and (found.ravel()[12:] == [0, 0, 0, 1]).all():
+        found = found.ravel()[:12]
     if found is None or found.size not in (9, 12) or not np.isfinite(found).all():
         return None
     matrix = found.reshape(3, -1)
@@ -254,7 +265,7 @@ def size_of(own: Mapping[str, Any]) -> tuple[int, int] | None:
         height = "cameraheight" if width == "camerawidth" else height
         if isinstance(own.get(width), int | float) and isinstance(own.get(height), int | float):
             return int(own[width]), int(own[height])
-    for name in ("resolution", "imagesize", "size"):
+    for name in ("resolution", "imagesize", "imagedimension", "imagersize", "size"):
         found = numbers_of(own.get(name)) if name in own else None
         if found is not None and found.shape == (2,):
             return int(found[0]), int(found[1])
@@ -285,7 +296,7 @@ def is_distortion(key: str) -> bool:
 
 def model_of(own: Mapping[str, Any]) -> str | None:
     """The name of the distortion model among plain keys."""
-    for name in ("distortionmodel", "distortiontype", "cameramodel", "cameratype", "model", "type"):
+    for name in _MODEL_KEYS:
         value = own.get(name)
         if isinstance(value, str) and not (name == "cameramodel" and plain(value) == "pinhole"):
             return value

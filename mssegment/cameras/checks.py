@@ -33,20 +33,43 @@ def fitted(camera: Camera, width: int, height: int) -> tuple[Camera, tuple[str, 
         If the camera is of pictures of another shape, or the focal length cannot be in pixels.
     """
     camera, notes = _scaled(camera, width, height)
-    if camera.distortion_model == "brown":
-        view = math.degrees(2 * math.atan(width / (2 * camera.fx)))
-        if view > WIDEST:
-            raise ConfigurationError(
-                f"camera: fx is {camera.fx:g}, which cannot be pixels for pictures {width} wide (a "
-                f"view of {view:.0f} degrees); from millimetres: fx = f * {width} / (width of the "
-                "sensor)"
-            )
+    _check_view(camera, width)
     if not (-0.5 <= camera.cx <= width - 0.5 and -0.5 <= camera.cy <= height - 0.5):
         notes += (
             f"the principal point ({camera.cx:g}, {camera.cy:g}) lies outside the pictures "
             f"({width}x{height} pixels): is it the camera of other pictures?",
         )
     return camera, notes
+
+
+def notes_on_tracks(camera: Camera, width: int, height: int) -> tuple[str, ...]:
+    """Notes on a camera for tracks whose pictures are not known, only what they cover in pixels.
+
+    Raises ConfigurationError if the focal length cannot be in pixels.
+    """
+    _check_view(camera, width)
+    if camera.width is None or camera.height is None:
+        return ()
+    # a tracker may follow a point a little beyond the border
+    if width <= 1.1 * camera.width and height <= 1.1 * camera.height:
+        return ()
+    return (
+        f"the tracks reach over {width}x{height} pixels, but the camera is calibrated for "
+        f"{camera.width}x{camera.height}: is it the camera of these pictures, at their size?",
+    )
+
+
+def _check_view(camera: Camera, width: int) -> None:
+    """Raises ConfigurationError for a focal length that no lens has, such as one in millimetres."""
+    if camera.distortion_model != "brown":
+        return
+    view = math.degrees(2 * math.atan(width / (2 * camera.fx)))
+    if view > WIDEST:
+        raise ConfigurationError(
+            f"camera: fx is {camera.fx:g}, which cannot be pixels for pictures {width} wide (a "
+            f"view of {view:.0f} degrees); from millimetres: fx = f * {width} / (width of the "
+            "sensor)"
+        )
 
 
 def _scaled(camera: Camera, width: int, height: int) -> tuple[Camera, tuple[str, ...]]:

@@ -46,7 +46,7 @@ def read(file: CameraFile) -> dict[str, Camera]:
     # a single camera needs no name
     names = [match[1] or (str(i) if found[1:] else "") for i, match in enumerate(found, start=1)]
     return {
-        name: _camera(
+        name: camera_of_model(
             f"{file.name}: camera {name}" if name else file.name,
             match[2],
             (int(match[3]), int(match[4])),
@@ -63,10 +63,11 @@ def _of_dictionary(file: CameraFile) -> dict[str, Camera]:
     values = numbers_of(tree.get("params")) if "params" in tree else None
     if not isinstance(model, str) or values is None or size is None:
         return {}
-    return {"": _camera(file.name, model, size, values.ravel().tolist())}
+    return {"": camera_of_model(file.name, model, size, values.ravel().tolist())}
 
 
-def _camera(where: str, model: str, size: tuple[int, int], values: list[float]) -> Camera:
+def camera_of_model(where: str, model: str, size: tuple[int, int], values: list[float]) -> Camera:
+    """The camera of a model of COLMAP; raises ConfigurationError for one that is not known."""
     if model not in _FOCALS:
         raise ConfigurationError(
             f"{where}: camera model {model}; expected one of {', '.join(_FOCALS)}"

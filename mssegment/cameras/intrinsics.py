@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 
 from mssegment.cameras.base import (
@@ -17,7 +18,7 @@ from mssegment.cameras.base import (
     size_of,
 )
 from mssegment.errors import ConfigurationError
-from mssegment.records import Camera
+from mssegment.records import Camera, Floats
 
 
 def read(file: CameraFile) -> dict[str, Camera]:
@@ -37,6 +38,8 @@ def _camera(tree: Tree, where: str) -> Camera | None:
     values = numbers_of(own["intrinsics"]) if "intrinsics" in own else None
     if values is None or values.ndim != 1:
         return None
+    if "lensmodel" in own:
+        return _of_mrcal(str(own["lensmodel"]), values, where, size_of(own))
     kind = str(own.get("cameramodel", "pinhole"))
     if plain(kind) not in ("pinhole", "perspective") or len(values) != 4:
         raise ConfigurationError(
@@ -48,4 +51,16 @@ def _camera(tree: Tree, where: str) -> Camera | None:
     return camera(where, fu, fv, pu, pv, coefficients, model_of(own), size_of(own))
 
 
-INTRINSICS = CameraFormat("intrinsics", "Kalibr camchain, EuRoC sensor.yaml", read)
+def _of_mrcal(model: str, values: Floats, where: str, size: tuple[int, int] | None) -> Camera:
+    """mrcal: fx, fy, cx, cy and OpenCV's coefficients in one list."""
+    match = re.fullmatch(r"LENSMODEL_(PINHOLE|OPENCV(4|5|8))", model)
+    if match is None or len(values) != 4 + int(match[2] or 0):
+        raise ConfigurationError(
+            f"{where}: lensmodel {model} with {len(values)} intrinsics; expected LENSMODEL_PINHOLE "
+            "or LENSMODEL_OPENCV4, 5 or 8"
+        )
+    fx, fy, cx, cy, *bent = values.tolist()
+    return camera(where, fx, fy, cx, cy, bent, None, size)
+
+
+INTRINSICS = CameraFormat("intrinsics", "Kalibr camchain, EuRoC sensor.yaml, mrcal", read)

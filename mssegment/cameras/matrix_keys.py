@@ -50,7 +50,7 @@ def cameras_of_tree(tree: Tree, where: str) -> dict[str, Camera]:
     matrices: dict[str, Any] = {}
     for key, value in own.items():
         match = _MATRIX.fullmatch(key)
-        matrix = matrix_of(value) if match else None
+        matrix = matrix_of(value) if match and "lensmodel" not in own else None
         if match and matrix is not None:
             matrices.setdefault(match[1], matrix)
     return {

@@ -19,6 +19,7 @@ from mssegment.cameras.base import (
     plain_keys,
     size_of,
 )
+from mssegment.cameras.nested import mappings_of
 from mssegment.errors import ConfigurationError
 from mssegment.records import Camera
 
@@ -34,6 +35,8 @@ _NAMES = (
 )
 _COEFFICIENTS = ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6")
 _FISHEYE = ("k1", "k2", "k3", "k4")
+_FOCALS = ("fc", "focallength", "focallengths", "focal", "f", "foc")
+_CENTRES = ("cc", "principalpoint", "opticalcenter", "center", "centre", "pp", "c")
 _ORB_SLAM = re.compile(r"(camera\d*)\.(\w+)", re.IGNORECASE)
 
 
@@ -46,12 +49,19 @@ def read(file: CameraFile) -> dict[str, Camera]:
     for key, value in file.tree.items():
         if match := _ORB_SLAM.fullmatch(str(key)):
             groups.setdefault(match[1], {})[match[2]] = value
-    found = {name: camera_of_tree(own, f"{file.name}: {name}") for name, own in groups.items()}
-    found[""] = camera_of_tree(file.tree, file.name)
-    for name, own in file.tree.items():
-        if isinstance(own, Mapping):
-            found[str(name)] = camera_of_tree(own, f"{file.name}: {name}")
-    return {name: camera for name, camera in found.items() if camera is not None}
+    # ORB-SLAM3 writes type and size once, and the values as Camera1, Camera2
+    both = next((own for name, own in groups.items() if name.lower() == "camera"), {})
+    found = {
+        name: camera_of_tree({**both, **own}, f"{file.name}: {name}")
+        for name, own in groups.items()
+        if own is not both or len(groups) == 1
+    }
+    for name, own in mappings_of(file.tree):
+        found[name] = camera_of_tree(own, f"{file.name}: {name}" if name else file.name)
+    cameras = {name: camera for name, camera in found.items() if camera is not None}
+    if len(set(cameras.values())) == 1 and all(name.startswith("frames.") for name in cameras):
+        return {"": next(iter(cameras.values()))}  # the same for every picture
+    return cameras
 
 
 def camera_of_tree(tree: Tree, where: str) -> Camera | None:
@@ -60,11 +70,12 @@ def camera_of_tree(tree: Tree, where: str) -> Camera | None:
     Raises ConfigurationError if only some of the values are there, or one is not valid.
     """
     own = plain_keys(tree)
-    if {"projection", "f"} <= set(own):
+    if _first(own.get("xi")) or _first(own.get("alpha")):
         raise ConfigurationError(
-            f"{where}: a calibration in Metashape's own form, whose principal point is counted "
-            "from the centre; export it as OpenCV (XML)"
+            f"{where}: a double sphere or unified model (xi, alpha); expected Brown's model, or "
+            "the fisheye one (Kannala-Brandt)"
         )
+    own = _with_vectors(own)
     if "cameraanglex" in own and "flx" not in own:
         return _of_angle(own, where)
     names = max(_NAMES, key=lambda names: sum(name in own for name in names))
@@ -87,6 +98,25 @@ def camera_of_tree(tree: Tree, where: str) -> Camera | None:
     fx, fy, cx, cy = values
     _check_misspelt(own, where)
     return camera(where, fx, fy, cx, cy, _distortion(own, where, model), model, size_of(own))
+
+
+def _first(value: Any) -> float:
+    """A number, 0 for anything else."""
+    found = None if value is None else numbers_of(value)
+    return float(found.ravel()[0]) if found is not None and found.size == 1 else 0.0
+
+
+def _with_vectors(own: dict[str, Any]) -> dict[str, Any]:
+    """The values with fx, fy and cx, cy from vectors of two: ``fc`` and ``cc``, and relatives."""
+    found = dict(own)
+    for names, axes in ((_FOCALS, ("fx", "fy")), (_CENTRES, ("cx", "cy"))):
+        for name in names:
+            values = numbers_of(own[name]) if name in own else None
+            if values is not None and values.size == 2 and not set(axes) & set(own):
+                del found[name]
+                found |= dict(zip(axes, values.ravel().tolist(), strict=True))
+                break
+    return found
 
 
 def _of_angle(own: Mapping[str, Any], where: str) -> Camera:

@@ -36,8 +36,21 @@ def of_ini(text: str, name: str) -> dict[str, Any]:
     parser = configparser.ConfigParser(
         comment_prefixes=_INI_COMMENT, inline_comment_prefixes=("#", ";"), interpolation=None
     )
+    # Matlab parts rows by semicolons, which would begin comments
+    plain = re.sub(r"\[[^\]\n=]*\]", lambda match: match[0].replace(";", ","), text)
     try:
-        parser.read_string(f"[{head}]\n{text}")
+        parser.read_string(f"[{head}]\n{plain}")
+    except (configparser.DuplicateOptionError, configparser.DuplicateSectionError) as error:
+        what = error.option if isinstance(error, configparser.DuplicateOptionError) else "it"
+        place = f": line {error.lineno - 1}" if error.lineno else ""  # without the heading above
+        section = "" if error.section == head else f"[{error.section}]: "
+        raise ConfigurationError(
+            f"{name}{place}: {section}{what} stands twice; keep one of them"
+        ) from None
+    except configparser.ParsingError as error:
+        raise ConfigurationError(
+            f"{name}: line {error.errors[0][0] - 1}: expected name = value"
+        ) from None
     except configparser.Error as error:
         raise ConfigurationError(f"{name}: {' '.join(str(error).split())}") from None
     found: dict[str, Any] = {key: _number_or_text(value) for key, value in parser[head].items()}

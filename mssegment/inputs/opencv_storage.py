@@ -59,8 +59,10 @@ def of_yaml(text: str, name: str, error: type[MssegmentError]) -> dict[str, Any]
     Loader.add_multi_constructor("!", tagged)
     # blank lines for directives keep the numbers of the others
     lines = ["" if line.startswith("%") else line for line in text.splitlines()]
-    # OpenCV writes `key:value` without a blank in old versions
-    plain = "\n".join(re.sub(r"^(\s*[A-Za-z_][\w.]*):(?=[\d.+-])", r"\1: ", line) for line in lines)
+    # OpenCV wrote `key:value` without a blank in old versions
+    after = r"[^\s:/]" if text.lstrip("\ufeff").startswith("%YAML") else r"[\d.+-]"
+    key = re.compile(rf"^(\s*[A-Za-z_][\w.]*):(?={after})")
+    plain = "\n".join(key.sub(r"\1: ", line) for line in lines)
     try:
         # `rostopic echo` ends each message with a line of dashes
         node = next(iter(yaml.compose_all(plain, Loader=Loader)), None)

@@ -110,6 +110,10 @@ def camera_for(
         from mssegment.cameras import fitted
 
         camera, notes = fitted(camera, *frame_size(frames))
+    elif frames and frames[0].width:
+        from mssegment.cameras import notes_on_tracks
+
+        notes = notes_on_tracks(camera, *frame_size(frames))
     names = sampling_of(configuration, len(frames))[0].models(len(frames), calibrated=True)
     if not any(camera.distortion) and not any(MODELS[name].needs_camera for name in names):
         own = " and ".join(dict.fromkeys(names))
