@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import struct
 from pathlib import Path
 from typing import Any
 
@@ -122,6 +123,17 @@ def _write_labels(folder: Path) -> None:
         f'<polygon label="a" points="{points}" z_order="0"/>'
         '<mask label="b" left="0" top="0" width="2" height="2" rle="1,3"/></image></annotations>'
     )
+    region = {"name": "polygon", "all_points_x": [9, 99, 99], "all_points_y": [9, 9, 99]}
+    regions = [{"shape_attributes": region, "region_attributes": {"type": "car"}}]
+    via = {"a": {"filename": "m-0.png", "size": 1, "regions": regions}}
+    (folder / "via.json").write_text(json.dumps(via))
+    (folder / "yolo.txt").write_text("0 0.1 0.1 0.7 0.1 0.7 0.7\n1 0.5 0.5 0.2 0.2\n")
+    (folder / "mots.txt").write_text("0 1001 1 200 200 T3jT1Lb2\n")
+    box = "<bndbox><xmin>9</xmin><ymin>9</ymin><xmax>99</xmax><ymax>99</ymax></bndbox>"
+    (folder / "voc.xml").write_text(
+        f"<annotation><filename>m-0.png</filename><object><name>a</name>{box}</object></annotation>"
+    )
+    np.savez(folder / "masks.npz", masks=np.stack([mask, mask]))
     (folder / "points.csv").write_text("x,y,label\n" + "\n".join(f"{i},{i},1" for i in range(9)))
 
 
@@ -141,7 +153,42 @@ def _write_cameras(folder: Path) -> None:
     )
     np.savez(folder / "camera.npz", K=np.array([[200.0, 0, 100], [0, 200, 100], [0, 0, 1]]))
     (folder / "cameras.txt").write_text("1 PINHOLE 200 200 200 200 100 100\n")
+    _write_rigs(folder)
     (folder / "config.yaml").write_text(
         "seed: 1\ninput:\n  tracks: m.csv\nhypothesize: {model: affine}\nsegment:\n  motions: 2\n"
         "report: {pictures: no, html: no}\n"
+    )
+
+
+def _write_rigs(folder: Path) -> None:
+    own = {"fx": 200, "fy": 200, "cx": 100, "cy": 100}
+    size = {"width": 200, "height": 200}
+    listed = [{"camera_type": "kb4", "intrinsics": own | {"k1": 0.1}}]
+    basalt = {"value0": {"intrinsics": listed, "resolution": [[200, 200]]}}
+    (folder / "basalt.json").write_text(json.dumps(basalt))
+    data = size | {"focal_length": 200, "principal_point": [100, 100], "disto_k3": [0.1, 0, 0]}
+    value = {
+        "polymorphic_id": 2147483649,
+        "polymorphic_name": "pinhole_radial_k3",
+        "ptr_wrapper": {"data": data},
+    }
+    openmvg = {"sfm_data_version": "0.3", "intrinsics": [{"key": 0, "value": value}]}
+    (folder / "openmvg.json").write_text(json.dumps(openmvg))
+    entry = size | {"intrinsicId": "1", "type": "radial3", "focalLength": "36"}
+    entry |= {"principalPoint": ["1", "1"], "distortionParams": ["0.1", "0", "0"]}
+    meshroom = {"version": ["1", "2", "6"], "intrinsics": [entry]}
+    (folder / "meshroom.json").write_text(json.dumps(meshroom))
+    (folder / "metashape.xml").write_text(
+        "<calibration><projection>frame</projection><width>200</width><height>200</height>"
+        "<f>200</f><cx>1</cx><cy>1</cy><b1>1</b1><k1>0.1</k1></calibration>"
+    )
+    (folder / "ost.txt").write_text(
+        "camera matrix\n200 0 100\n0 200 100\n0 0 1\n\ndistortion\n0.1 0\n"
+    )
+    (folder / "okvis.yaml").write_text(
+        "cameras:\n- {image_dimension: [200, 200], focal_length: [200, 200], "
+        "principal_point: [100, 100]}\n"
+    )
+    (folder / "cameras.bin").write_bytes(
+        struct.pack("<QiiQQ4d", 1, 1, 1, 200, 200, 200.0, 200.0, 100.0, 100.0)
     )

@@ -214,9 +214,11 @@ def _cameras(folder: Path) -> st.SearchStrategy[Case]:
         return ["hypothesize", "tracks.json", "--count", "20", "--camera", name]
 
     texts = ["camera.yaml", "camera.xml", "camera.npz", "cameras.txt", "camera.ini", "vins.yaml"]
+    texts += ["cameras.bin", "metashape.xml", "ost.txt", "okvis.yaml"]
+    trees = ["camera.json", "basalt.json", "openmvg.json", "meshroom.json"]
     return st.one_of(
         _on(_mutations(folder, texts), command),
-        _on(_mutations(folder, ["camera.json"], is_json=True), command),
+        _on(_mutations(folder, trees, is_json=True), command),
     )
 
 
@@ -225,8 +227,9 @@ def _labels(folder: Path) -> st.SearchStrategy[Case]:
         return ["report", "segmentation.json", "--format", "json", "--labels", name]
 
     return st.one_of(
-        _on(_mutations(folder, ["labelme.json", "coco.json"], is_json=True), command),
-        _on(_mutations(folder, ["mask-1.png", "mask.npy", "cvat.xml", "points.csv"]), command),
+        _on(_mutations(folder, ["labelme.json", "coco.json", "via.json"], is_json=True), command),
+        _on(_mutations(folder, ["mask-1.png", "mask.npy", "masks.npz", "points.csv"]), command),
+        _on(_mutations(folder, ["cvat.xml", "voc.xml", "yolo.txt", "mots.txt"]), command),
     )
 
 

@@ -17,7 +17,7 @@ from mssegment.cli import COMMANDS, cli
 from mssegment.cli.common import flag_of
 from mssegment.configuration import KEYS
 from mssegment.models import MODELS, automatic, example, of_data, of_pictures
-from mssegment.registry import CAMERAS, DATASETS
+from mssegment.registry import ANNOTATIONS, CAMERAS, DATASETS
 
 ROOT = Path(__file__).parents[1]
 
@@ -101,7 +101,11 @@ def readme_with_tables(text: str) -> str:
 
 def guide_with_lists(text: str) -> str:
     """A page of the guide with its generated lists of formats replaced."""
-    lists: dict[str, Mapping[str, Any]] = {"formats of tracks": DATASETS, "camera formats": CAMERAS}
+    lists: dict[str, Mapping[str, Any]] = {
+        "formats of tracks": DATASETS,
+        "camera formats": CAMERAS,
+        "formats of labels": ANNOTATIONS,
+    }
     for name, registry in lists.items():
         begin, end = (f"<!-- {name}: {word} -->" for word in ("begin", "end"))
         if begin in text:

@@ -13,6 +13,7 @@ import numpy as np
 
 from mssegment.datasets import labels_from_masks, labels_from_points, read_located_labels
 from mssegment.errors import DataError
+from mssegment.inputs.files import is_pipe
 from mssegment.neighbours import nearest
 from mssegment.records import IGNORED, Floats, Frame, Integers, Record, Tracks
 
@@ -55,7 +56,7 @@ def read_truth(
     Parameters
     ----------
     paths : sequence of str
-        One table of labelled points; or mask images, their folder, labelme or COCO JSON, CVAT XML.
+        One table of labelled points; or mask images, their folder, or files of labelling tools.
     tracks : Tracks
         The tracks [P, F, 2] in pixels.
     frames : sequence of Frame
@@ -125,6 +126,10 @@ def check_labels(paths: Sequence[str]) -> None:
 def _tables(paths: Sequence[str]) -> list[str]:
     """The tables among some files of labels; raises DataError if there are other files too."""
     tables = [path for path in paths if Path(path).suffix.lower() in _TABLES]
+    if tables and not any(is_pipe(path) for path in tables):
+        from mssegment.annotations import holds_shapes
+
+        tables = [path for path in tables if not holds_shapes(path)]
     if tables and len(paths) > 1:
         raise DataError(
             f"{', '.join(paths)}: expected either one table of labels or mask images, not both"
@@ -138,7 +143,7 @@ def _read_masks(
     """The mask of each labelled frame, at the size of the frame, and notes."""
     from mssegment.annotations import frames_of, read_annotations, scaled
 
-    found = read_annotations(paths)
+    found = read_annotations(paths, frames)
     places, notes = frames_of(found.frames, frames, paths)
     masks: dict[int, Integers] = {}
     resized = []

@@ -198,6 +198,10 @@ ANNOTATIONS: Registry[Any] = Registry(
         "labelme": "mssegment.annotations.labelme:LABELME",
         "coco": "mssegment.annotations.coco:COCO",
         "cvat": "mssegment.annotations.cvat:CVAT",
+        "via": "mssegment.annotations.via:VIA",
+        "voc": "mssegment.annotations.voc:VOC",
+        "yolo": "mssegment.annotations.yolo:YOLO",
+        "mots": "mssegment.annotations.mots:MOTS",
     },
 )
 """The formats of labelled shapes that ``--labels`` reads, beside mask images and tables."""

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import base64
 import json
+from collections.abc import Callable
 from pathlib import Path
 
 import cv2
@@ -308,4 +310,170 @@ def test_what_holds_no_labels_is_said(tmp_path: Path, name: str, content: str, w
     path.write_text(content)
     with pytest.raises(DataError, match=words) as caught:
         read_annotations([str(path)])
+    assert "\n" not in str(caught.value)
+
+
+# --- further tools --------------------------------------------------------------------------------
+
+
+def via(picture: str = "frame-1.png") -> dict[str, object]:
+    regions = [
+        {
+            "shape_attributes": {
+                "name": "polygon",
+                "all_points_x": [x for x, _ in OUTLINES[1]],
+                "all_points_y": [y for _, y in OUTLINES[1]],
+            },
+            "region_attributes": {"type": "car"},
+        },
+        {
+            "shape_attributes": {"name": "rect", "x": 22, "y": 12, "width": 14, "height": 14},
+            "region_attributes": {"type": {"bus": True}},
+        },
+    ]
+    return {f"{picture}123": {"filename": picture, "size": 123, "regions": regions}}
+
+
+def via_csv() -> str:
+    (entry,) = via().values()
+    assert isinstance(entry, dict)
+    text = "filename,file_size,file_attributes,region_count,region_id,region_shape_attributes,"
+    text += "region_attributes\n"
+    for i, region in enumerate(entry["regions"]):
+        cells = [json.dumps(region[name]) for name in ("shape_attributes", "region_attributes")]
+        quoted = ",".join('"' + cell.replace('"', '""') + '"' for cell in cells)
+        text += f'frame-1.png,123,"{{}}",2,{i},{quoted}\n'
+    return text
+
+
+def yolo(kind: str) -> str:
+    lines = []
+    for label, outline in OUTLINES.items():
+        points = np.array(outline) / [W, H]
+        low, high = points.min(axis=0), points.max(axis=0)
+        values = points if kind == "polygons" else np.concatenate([(low + high) / 2, high - low])
+        lines.append(f"{label} " + " ".join(f"{value:.6f}" for value in values.ravel()))
+    return "\n".join(lines) + "\n"
+
+
+def mots() -> str:
+    coder = pytest.importorskip("pycocotools.mask")
+    lines = []
+    for label in OUTLINES:
+        code = coder.encode(np.asfortranarray(mask() == label))
+        lines.append(f"0 {1000 + label} 1 {H} {W} {code['counts'].decode()}")
+    return "\n".join(lines) + "\n"
+
+
+def labelme_mask() -> str:
+    shapes = []
+    for label in OUTLINES:
+        binary = (mask() == label).astype(np.uint8) * 255
+        rows, columns = np.nonzero(binary)
+        top, left, bottom, right = rows.min(), columns.min(), rows.max(), columns.max()
+        encoded = cv2.imencode(".png", binary[top : bottom + 1, left : right + 1])[1].tobytes()
+        shapes.append(
+            {
+                "label": str(label),
+                "shape_type": "mask",
+                "points": [[int(left), int(top)], [int(right), int(bottom)]],
+                "mask": base64.b64encode(encoded).decode(),
+            }
+        )
+    return labelme(shapes)
+
+
+VOC = (
+    f"<annotation><filename>frame-1.png</filename><size><width>{W}</width><height>{H}</height>"
+    "</size>"
+    + "".join(
+        f"<object><name>{label}</name><bndbox><xmin>{o[0][0]}</xmin><ymin>{o[0][1]}</ymin>"
+        f"<xmax>{o[2][0]}</xmax><ymax>{o[2][1]}</ymax></bndbox></object>"
+        for label, o in OUTLINES.items()
+    )
+    + "</annotation>"
+)
+# a square that is turned by a right angle is the same square
+CVAT_TURNED = CVAT_IMAGES.replace('ybr="15"', 'ybr="15" rotation="90"')
+TOOLS: dict[str, tuple[str, Callable[[], str]]] = {
+    "cvat, turned": ("c.xml", lambda: CVAT_TURNED),
+    "via": ("v.json", lambda: json.dumps(via())),
+    "via, a project": ("v.json", lambda: json.dumps({"_via_img_metadata": via()})),
+    "via, csv": ("v.csv", via_csv),
+    "yolo": ("frame-1.txt", lambda: yolo("polygons")),
+    "yolo, boxes": ("frame-1.txt", lambda: yolo("boxes")),
+    "mots": ("0002.txt", mots),
+    "labelme, masks": ("l.json", labelme_mask),
+    "voc": ("frame-1.xml", lambda: VOC),
+}
+
+
+@pytest.mark.parametrize("kind", TOOLS)
+def test_labels_of_further_tools(tmp_path: Path, kind: str) -> None:
+    """Also through the labels of tracks: text is not taken for a table of points."""
+    name, content = TOOLS[kind]
+    (tmp_path / name).write_text(content())
+    frames = [Frame("a/frame-1.png", W, H, ""), Frame("a/frame-2.png", W, H, "")]
+    found = read_annotations([str(tmp_path / name)], frames).frames
+    np.testing.assert_array_equal(found[0].mask, mask())
+    assert list(frames_of(found, frames, [])[0]) == [0]
+    read_annotations([str(tmp_path / name)])  # before there are frames, for a check
+    places = np.array([[8.0, 9.0], [30.0, 20.0], [2.0, 2.0]])
+    tracks = Tracks(np.stack([places, places], axis=1))
+    truth = read_truth([str(tmp_path / name)], tracks, frames, 3.0)
+    assert truth.labels.tolist() == [1, 2, 0]
+
+
+def test_an_ellipse_of_cvat(tmp_path: Path) -> None:
+    (tmp_path / "c.xml").write_text(
+        '<annotations><image id="0" name="a" width="40" height="30">'
+        '<ellipse label="a" cx="20" cy="15" rx="10" ry="4" rotation="90"/></image></annotations>'
+    )
+    (found,) = read_annotations([str(tmp_path / "c.xml")]).frames
+    y, x = np.mgrid[:30, :40] + 0.5
+    inside = ((x - 20) / 4) ** 2 + ((y - 15) / 10) ** 2 < 1
+    assert ((found.mask > 0) != inside).mean() < 0.01
+
+
+def test_a_folder_of_yolo(tmp_path: Path) -> None:
+    (tmp_path / "classes.txt").write_text("car\nbus\n")
+    (tmp_path / "frame-1.txt").write_text(yolo("polygons"))
+    (tmp_path / "frame-2.txt").write_text("")  # nothing in this picture
+    frames = [Frame("a/frame-1.png", W, H, ""), Frame("a/frame-2.png", W, H, "")]
+    found = read_annotations([str(tmp_path)], frames)
+    assert [Path(own.name).name for own in found.frames] == ["frame-1.txt"]
+    np.testing.assert_array_equal(found.frames[0].mask, mask())
+
+
+def test_masks_of_several_frames_in_one_array(tmp_path: Path) -> None:
+    stack = np.stack([mask(), mask()[::-1]])
+    np.save(tmp_path / "a.npy", stack)
+    np.savez(tmp_path / "b.npz", masks=stack[:, None], scores=np.ones(2))
+    for name in ("a.npy", "b.npz"):
+        found = read_annotations([str(tmp_path / name)]).frames
+        assert [own.number for own in found] == [0, 1]
+        np.testing.assert_array_equal(found[1].mask, stack[1])
+    np.savez(tmp_path / "c.npz", one=stack, two=stack)
+    with pytest.raises(DataError, match=r"several arrays .one, two.; expected one"):
+        read_annotations([str(tmp_path / "c.npz")])
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "words"),
+    [
+        ("v.json", json.dumps(via()).replace("all_points_y", "y"), "a damaged polygon"),
+        ("v.csv", "filename,region_shape_attributes,region_attributes\na,{,\n", "labels of VIA"),
+        ("y.txt", "0 0.1 0.2 0.3 0.4 0.5 0.6 0.7\n", "line 1: 7 numbers after the class"),
+        ("m.txt", f"1 1 1 {H} {W} WSV:2\nx\n", "line 1: a damaged run-length code"),
+        ("v.xml", "<annotation><object><name>a</name></object></annotation>", "labels of VOC"),
+        ("l.json", labelme([{"label": "a", "shape_type": "mask", "points": [[0, 0]]}]), "mask"),
+        ("t.txt", "hello\n", "no labels in this file|found columns"),
+    ],
+)
+def test_damaged_labels_of_further_tools(
+    tmp_path: Path, name: str, content: str, words: str
+) -> None:
+    (tmp_path / name).write_text(content)
+    with pytest.raises(DataError, match=words) as caught:
+        read_annotations([str(tmp_path / name)])
     assert "\n" not in str(caught.value)

@@ -13,8 +13,10 @@ import numpy as np
 from mssegment.errors import DataError
 from mssegment.inputs import limits
 from mssegment.inputs.files import read_file
-from mssegment.records import Floats, Integers, Record
+from mssegment.records import Floats, Integers, Record, replace
 
+TEXTS = (".txt", ".csv")
+"""Suffixes of labels that may be text."""
 IGNORE = 255
 """Value of a mask where a pixel is not counted."""
 _IGNORED = frozenset(("ignore", "ignored", "void", "__ignore__", "crowd", "dontcare"))
@@ -56,13 +58,18 @@ class Shape(Record, frozen=True):
 
 
 class ShapedFrame(Record, frozen=True):
-    """The shapes of one frame in the order of the file, and what it calls the frame."""
+    """The shapes of one frame in the order of the file, and what it calls the frame.
+
+    Width and height are 0 where the file does not state them. Of ``is_relative`` frames the
+    outlines are in units of the picture.
+    """
 
     name: str
     number: int | None
     width: int
     height: int
     shapes: tuple[Shape, ...]
+    is_relative: bool = False
 
 
 class LabelledFrame(Record, frozen=True):
@@ -103,13 +110,18 @@ class ShapeFormat(Record, frozen=True):
 
 
 def load_tree(path: str) -> Tree:
-    """Parse a JSON or XML file; raises DataError if it is damaged, or defines XML entities."""
+    """Parse a JSON or XML file, or give a table or text as it is.
+
+    Raises DataError if it is damaged, or defines XML entities.
+    """
     try:
         content = read_file(path, expected="a file of labels")
         limits.check("text_bytes", len(content), path)
         text = content.decode("utf-8-sig")
     except UnicodeDecodeError as error:
         raise DataError(f"{path}: cannot be read ({error})") from None
+    if not text.lstrip().startswith(("<", "{", "[")) and path.lower().endswith(TEXTS):
+        return text
     if not text.lstrip().startswith("<"):
         try:
             return json.loads(text)
@@ -126,12 +138,17 @@ def load_tree(path: str) -> Tree:
 
 
 def numbered(
-    frames: Sequence[ShapedFrame], notes: Sequence[str], paths: Sequence[str]
+    frames: Sequence[ShapedFrame],
+    notes: Sequence[str],
+    paths: Sequence[str],
+    size_of: Callable[[str], tuple[int, int]],
 ) -> Annotations:
     """Masks of frames with shapes: every object gets a number, the same in all frames.
 
-    Objects that are named by whole numbers keep them. Raises DataError if there is no shape.
+    Objects that are named by whole numbers keep them. ``size_of`` gives the size of the picture of
+    a frame whose file does not state it. Raises DataError if there is no shape.
     """
+    frames = [_sized(frame, size_of) for frame in frames]
     values: dict[Hashable, int] = {}
     names: dict[Hashable, str] = {s.key: s.name for frame in frames for s in frame.shapes}
     if not names:
@@ -152,6 +169,20 @@ def numbered(
     limits.check("stack_pixels", pixels, f"{', '.join(paths)}: all masks together")
     drawn = [LabelledFrame(f.name, f.number, _draw(f, values)) for f in frames]
     return Annotations(tuple(drawn), (*notes, f"labelled objects: {shown}"))
+
+
+def _sized(frame: ShapedFrame, size_of: Callable[[str], tuple[int, int]]) -> ShapedFrame:
+    """The frame with its size, and outlines in pixels."""
+    if frame.width and frame.height:
+        return frame
+    width, height = size_of(frame.name)
+    shapes = frame.shapes
+    if frame.is_relative:
+        shapes = tuple(
+            replace(shape, polygons=tuple(own * [width, height] for own in shape.polygons))
+            for shape in shapes
+        )
+    return replace(frame, width=width, height=height, shapes=shapes)
 
 
 def _regions(frame: ShapedFrame) -> int:
@@ -210,6 +241,19 @@ def polygon_of(values: Any, where: str) -> Floats:
     if not np.isfinite(found).all() or np.abs(found).max(initial=0) > LARGEST_SIDE:
         raise DataError(f"{where}: an outline that leaves every picture; export it again")
     return found
+
+
+def ellipse_outline(centre: Floats, rx: float, ry: float, angle: float = 0.0) -> Floats:
+    """The outline of an ellipse with these radii, turned by an angle in radians."""
+    turn = np.linspace(0, 2 * np.pi, 64, endpoint=False)
+    return turned(centre + np.stack([rx * np.cos(turn), ry * np.sin(turn)], axis=1), angle)
+
+
+def turned(outline: Floats, angle: float) -> Floats:
+    """An outline turned about its middle, by an angle in radians from x to y."""
+    middle = (outline.min(axis=0) + outline.max(axis=0)) / 2
+    cosine, sine = np.cos(angle), np.sin(angle)
+    return np.asarray(middle + (outline - middle) @ np.array([[cosine, sine], [-sine, cosine]]))
 
 
 def box_outline(left: float, top: float, right: float, bottom: float) -> Floats:

@@ -14,12 +14,14 @@ from mssegment.annotations.base import (
     ShapeFormat,
     Tree,
     box_outline,
+    ellipse_outline,
     polygon_of,
+    turned,
 )
 from mssegment.errors import DataError
 from mssegment.records import Floats
 
-_AREAS = ("polygon", "box", "mask")
+_AREAS = ("polygon", "box", "ellipse", "mask")
 
 
 def recognises(tree: Tree) -> bool:
@@ -28,7 +30,7 @@ def recognises(tree: Tree) -> bool:
 
 
 def read(tree: Tree, path: str) -> tuple[list[ShapedFrame], list[str]]:
-    """Polygons, boxes and masks: by picture, or of tracks through the frames of a video.
+    """Polygons, boxes, ellipses and masks: by picture, or of tracks through the frames of a video.
 
     A track is one object; in pictures an object is a label with its group, or its place among its
     like. Shapes that are outside, and lines and points, are left out. Raises DataError for damaged
@@ -83,8 +85,13 @@ def _shape(
 
 
 def _outline(element: Element, path: str) -> Floats:
+    angle = np.radians(float(element.get("rotation", 0.0)))
     if element.tag == "box":
-        return box_outline(*(float(element.attrib[n]) for n in ("xtl", "ytl", "xbr", "ybr")))
+        box = box_outline(*(float(element.attrib[n]) for n in ("xtl", "ytl", "xbr", "ybr")))
+        return polygon_of(turned(box, angle), path)
+    if element.tag == "ellipse":
+        cx, cy, rx, ry = (float(element.attrib[name]) for name in ("cx", "cy", "rx", "ry"))
+        return polygon_of(ellipse_outline(np.array([cx, cy]), rx, ry, angle), path)
     points = [point.split(",") for point in element.attrib["points"].split(";")]
     return polygon_of(points, path)
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import base64
+import binascii
 from collections import Counter
 from typing import Any
 
@@ -13,9 +15,12 @@ from mssegment.annotations.base import (
     ShapeFormat,
     Tree,
     box_outline,
+    ellipse_outline,
     polygon_of,
 )
 from mssegment.errors import DataError
+from mssegment.imaging.pictures import decode
+from mssegment.inputs import limits
 from mssegment.records import Floats
 
 
@@ -41,12 +46,14 @@ def read(tree: Tree, path: str) -> tuple[list[ShapedFrame], list[str]]:
         label, group = str(entry.get("label", "")), entry.get("group_id")
         kind = str(entry.get("shape_type") or "polygon")
         outline = _outline(kind, entry.get("points"), path)
-        if outline is None:
+        region = _region(entry, tree, path) if kind == "mask" else None
+        if outline is None and region is None:
             left_out[kind] += 1
             continue
         key = (label, str(group)) if group is not None else (label, f"#{count[label]}")
         count[label] += group is None
-        shapes.append(Shape(key, label, (outline,)))
+        polygons = () if outline is None else (outline,)
+        shapes.append(Shape(key, label, polygons, region))
     width, height = tree.get("imageWidth"), tree.get("imageHeight")
     if type(width) is not int or type(height) is not int:  # true is an int, too
         raise DataError(f"{path}: no imageWidth and imageHeight; save the labels again")
@@ -54,12 +61,27 @@ def read(tree: Tree, path: str) -> tuple[list[ShapedFrame], list[str]]:
     return [ShapedFrame(str(tree["imagePath"]), None, width, height, tuple(shapes))], notes
 
 
+def _region(entry: dict[str, Any], tree: Tree, path: str) -> Any:
+    """The pixels of a shape of the kind ``mask``: a PNG in base64, inside a box."""
+    width, height = tree.get("imageWidth"), tree.get("imageHeight")
+    try:
+        content = base64.b64decode(str(entry.get("mask", "")), validate=True)
+        own = np.asarray(decode(f"{path}: a mask", content), dtype=np.int64) > 0
+        left, top = (int(value) for value in polygon_of(entry.get("points"), path).min(axis=0))
+        limits.check("picture_pixels", int(height) * int(width), path)
+        region = np.zeros((int(height), int(width)), dtype=bool)
+        region[top : top + own.shape[0], left : left + own.shape[1]] = own.reshape(*own.shape[:2])
+    except (ValueError, TypeError, binascii.Error):
+        raise DataError(f"{path}: a damaged mask; save the labels again") from None
+    return region
+
+
 def _outline(kind: str, points: Any, path: str) -> Floats | None:
     """The outline of a shape with an area; None for points and lines."""
-    if kind not in ("polygon", "rectangle", "circle"):
+    if kind not in ("polygon", "rotation", "rectangle", "circle"):
         return None
     outline = polygon_of(points, path)
-    if kind == "polygon":
+    if kind in ("polygon", "rotation"):
         return outline if len(outline) > 2 else None
     if len(outline) != 2:
         raise DataError(f"{path}: a {kind} of {len(outline)} points; expected 2")
@@ -67,9 +89,7 @@ def _outline(kind: str, points: Any, path: str) -> Floats | None:
         (left, top), (right, bottom) = outline.min(axis=0), outline.max(axis=0)
         return box_outline(left, top, right, bottom)
     radius = float(np.linalg.norm(outline[1] - outline[0]))
-    angle = np.linspace(0, 2 * np.pi, 64, endpoint=False)
-    circle = np.stack([np.cos(angle), np.sin(angle)], axis=1)
-    return np.asarray(outline[0] + radius * circle)
+    return ellipse_outline(outline[0], radius, radius)
 
 
 LABELME = ShapeFormat("labelme", "labelme JSON", recognises, read)

@@ -21,6 +21,8 @@ from mssegment.special import distinct
 MOST_COLOURS = 254
 VOID = (192, 224, 224)
 """Blue, green, red of PASCAL VOC's void, which is ignored."""
+_IN_ARCHIVE = ("masks", "mask", "labels", "label", "segmentation")
+"""Names of the array of masks among others, the most telling first."""
 LARGEST_VALUE = 65535
 """Largest label of an array: that of a picture of 16 bits."""
 _FEWEST_SOFT = 4
@@ -46,7 +48,8 @@ def read_masks(paths: Sequence[str]) -> Annotations:
     DataError
         If a file cannot be read, or its values are no labels: a JPEG, or a mask with soft edges.
     """
-    stored = [_stored(path) for path in paths]
+    opened = [(path, number, own) for path in paths for number, own in _opened(path)]
+    paths, stored = [path for path, _, _ in opened], [own for _, _, own in opened]
     notes: list[str] = []
     if any(mask.ndim == 3 for mask in stored):
         colours: dict[int, int] = {}
@@ -61,21 +64,29 @@ def read_masks(paths: Sequence[str]) -> Annotations:
         for mask, path in zip(masks, paths, strict=True):
             _check_hard(mask, path)
         masks = _black_and_white(masks, notes)
-    found = [LabelledFrame(path, None, mask) for path, mask in zip(paths, masks, strict=True)]
+    found = [
+        LabelledFrame(path, number, mask)
+        for (path, number, _), mask in zip(opened, masks, strict=True)
+    ]
     return Annotations(tuple(found), tuple(notes))
 
 
-def _stored(path: str) -> Integers:
-    """The labels [h, w], or the colours [h, w, 3] where the channels differ."""
+def _opened(path: str) -> list[tuple[int | None, Integers]]:
+    """The masks in a file, with the numbers of their frames where it has several."""
     content = read_bytes(path)
-    if content.startswith(b"\x93NUMPY"):
+    if content.startswith((b"\x93NUMPY", b"PK")):
         return _of_array(content, path)
+    return [(None, _stored(path, content))]
+
+
+def _stored(path: str, content: bytes) -> Integers:
+    """The labels [h, w], or the colours [h, w, 3] where the channels differ."""
     if content.startswith(b"\xff\xd8"):
         raise DataError(f"{path}: a JPEG, which blurs the values of labels; save the mask as PNG")
     if not looks_like_picture(path, content[:16]):
         raise DataError(
             f"{path}: not a mask image; expected PNG, TIFF, .npy, ... masks, a table of labelled "
-            "points, labelme or COCO JSON, or CVAT XML"
+            "points, or files of labelme, COCO, CVAT, VIA, VOC, YOLO or MOTS"
         )
     mask = np.asarray(decode(path, as_indices(content)))
     if mask.dtype.kind not in "ui":
@@ -91,14 +102,17 @@ def _stored(path: str) -> Integers:
     return labels // (255 // (2**depth - 1)) if depth in (1, 2, 4) else labels
 
 
-def _of_array(content: bytes, path: str) -> Integers:
-    """The labels [h, w] of an array of whole numbers, or of one truth value per object and pixel.
+def _of_array(content: bytes, path: str) -> list[tuple[int | None, Integers]]:
+    """The labels of an array of whole numbers: of one picture [h, w], or of frames [f, h, w].
 
-    Of objects [n, h, w] that overlap, the last one counts.
+    Truth values are those of objects [n, h, w] in one picture; of objects that overlap, the last
+    one counts. A ``.npz`` must hold one array, or one that is called ``masks`` or ``labels``.
     """
     check_arrays(content, path, DataError)
     try:
         array = np.load(io.BytesIO(content), allow_pickle=False)
+        if not isinstance(array, np.ndarray):
+            array = array[_chosen(array.files, path)]
     except DAMAGED as error:
         reason = " ".join(str(error).split())
         raise DataError(f"{path}: not a readable numpy file ({reason})") from None
@@ -107,16 +121,33 @@ def _of_array(content: bytes, path: str) -> Integers:
         mask = np.zeros(array.shape[-2:], dtype=np.int64)
         for number, region in enumerate(array.reshape(-1, *mask.shape), start=1):
             mask[region] = number
-        return mask
-    if array.dtype.kind not in "ui" or array.ndim != 2 or not array.size or array.min() < 0:
+        return [(None, mask)]
+    if array.ndim == 4 and 1 in (array.shape[1], array.shape[-1]):
+        array = np.squeeze(array, axis=1 if array.shape[1] == 1 else 3)
+    is_shape = array.ndim == 2 or (array.ndim == 3 and array.shape[2] > 4)  # no colours
+    if array.dtype.kind not in "ui" or not is_shape or not array.size or array.min() < 0:
         shape = "x".join(map(str, array.shape))
         raise DataError(
-            f"{path}: an array {shape} of {array.dtype}; expected labels [height, width], whole "
-            "numbers from 0, or truth values [objects, height, width]"
+            f"{path}: an array {shape} of {array.dtype}; expected labels [height, width] or "
+            "[frames, height, width], whole numbers from 0, or truth values [objects, height, "
+            "width]"
         )
     if array.max() > LARGEST_VALUE:
         raise DataError(f"{path}: found {array.max()}; expected labels up to {LARGEST_VALUE}")
-    return np.asarray(array, dtype=np.int64)
+    if array.ndim == 2:
+        return [(None, np.asarray(array, dtype=np.int64))]
+    return [(i, np.asarray(own, dtype=np.int64)) for i, own in enumerate(array)]
+
+
+def _chosen(names: Sequence[str], path: str) -> str:
+    """The array of masks in an archive."""
+    known = [name for name in _IN_ARCHIVE if name in names]
+    if known or len(names) == 1:
+        return (known or list(names))[0]
+    raise DataError(
+        f"{path}: several arrays ({', '.join(names[:6])}); expected one, or one called masks or "
+        "labels"
+    )
 
 
 def palette_depth(content: bytes) -> int:

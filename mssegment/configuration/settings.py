@@ -287,7 +287,7 @@ class ReportSettings(Section, frozen=True):
         list[str],
         Meta(
             description="Ground-truth labels: a table of points, mask images or their folder, "
-            "labelme or COCO JSON, or CVAT XML."
+            "or files of labelme, COCO, CVAT, VIA, VOC, YOLO or MOTS."
         ),
     ] = []
     label_radius: Annotated[
