@@ -321,6 +321,7 @@ def test_a_document_of_another_stage(tracks_csv: str, call: Call) -> None:
         (["cluster", "--bandwidth", "-1"], ExitStatus.USAGE, "cluster.bandwidth is -1"),
         (["cluster", "--bandwith", "1"], ExitStatus.USAGE, "--bandwidth"),
         (["clutser"], ExitStatus.USAGE, "did you mean cluster?"),
+        (["."], ExitStatus.USAGE, "`mssegment run .`"),
         (["run"], ExitStatus.USAGE, "Missing argument"),
         (["run", "none.yaml"], ExitStatus.CONFIGURATION, "mssegment init"),
         (["run", "a.png", "b.yaml"], ExitStatus.USAGE, "not both"),

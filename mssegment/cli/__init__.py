@@ -52,6 +52,18 @@ LONGEST_ERROR = 600
 _MODULES = {"import": "import_tracks"}
 
 
+def _instead_of(name: str) -> str:
+    """What to type instead of a command that does not exist."""
+    import difflib
+
+    near = difflib.get_close_matches(name, COMMANDS, n=1)
+    if near:
+        return f"did you mean {near[0]}?"
+    if os.path.lexists(name):
+        return f"to segment a file or folder: `mssegment run {name}`"
+    return "`mssegment --help` lists all commands."
+
+
 class LazyGroup(click.Group):
     """A click group that imports the module of a command only when that command runs."""
 
@@ -78,11 +90,7 @@ class LazyGroup(click.Group):
         """As in click, but suggest the nearest command for an unknown one."""
         name = args[0]
         if name not in COMMANDS and not name.startswith("-"):
-            import difflib
-
-            near = difflib.get_close_matches(name, COMMANDS, n=1)
-            hint = f"did you mean {near[0]}?" if near else "`mssegment --help` lists all commands."
-            ctx.fail(f"No such command {name!r}; {hint}")
+            ctx.fail(f"No such command {name!r}; {_instead_of(name)}")
         return super().resolve_command(ctx, args)
 
     def invoke(self, ctx: click.Context) -> object:
