@@ -106,7 +106,13 @@ class Results(Record, frozen=True):
                     kept[index] = np.where(mask == 0, world, mask) if world else mask
                 yield mask
 
-        files = dict(mask_files(self.report, self.configuration.report.mask_style, passing()))
+        style = self.configuration.report.mask_style
+        files = dict(mask_files(self.report, style, passing()))
+        if style == "colmap" and all(frame.index is not None for frame in self.report.frames):
+            self.said.append(
+                "masks for COLMAP are called as the pictures of a video that `ffmpeg -i VIDEO "
+                "-start_number 0 -fps_mode passthrough %05d.png` takes out of it, with .png added"
+            )
         quality = mask_quality(kept, true_masks) if kept else ()
         return replace(self, masks=files, report=replace(self.report, mask_quality=quality))
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import struct
+import time
 from collections.abc import Callable
 from pathlib import Path
 
@@ -590,6 +591,15 @@ def test_lines_of_yaml_are_counted_with_its_directive(tmp_path: Path) -> None:
     (tmp_path / "c.yaml").write_text("%YAML:1.0\n---\nfx: 800\nfy: [1, 2\ncx: 3\n")
     with pytest.raises(ConfigurationError, match=r"c.yaml:5:3: not YAML"):
         read_camera(str(tmp_path / "c.yaml"))
+
+
+def test_text_of_any_length_is_looked_at_quickly(tmp_path: Path) -> None:
+    start = time.process_time()
+    for content in ("a" * 30_000, '{"a": ["' + "a" * 30_000 + '"]}', "a 1 " * 9_000, "a=" * 9_000):
+        (tmp_path / "c.txt").write_text(content)
+        with pytest.raises(ConfigurationError):
+            read_camera(str(tmp_path / "c.txt"))
+    assert time.process_time() - start < 2
 
 
 def test_a_camera_for_tracks_is_checked_by_what_they_cover() -> None:

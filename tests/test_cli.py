@@ -575,3 +575,30 @@ def test_a_picture_that_is_read_is_never_removed(tmp_path: Path, call: Call) -> 
     assert call("run", *inside, "--out", str(tmp_path), "--force", "-q").status == 0
     assert all(Path(name).exists() for name in inside)
     assert (tmp_path.parent / "x.txt").exists()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["run", "1.png", "--derotate"], "here it is --set camera.derotate=VALUE"),
+        (["run", "1.png", "--remove-background"], "here it is --set background.remove=VALUE"),
+        (["run", "1.png", "-o", "out"], "the folder for the results is --out"),
+        (["run", "1.png", "-frame.png"], "put file names that start with - after --"),
+        (["report", "-o", "out"], "put file names that start with - after --"),
+        (["cluster", "t.csv"], "no document of mssegment, which is JSON; `mssegment detect`"),
+        (["import", "1.png"], "1.png: a picture; expected tracks"),
+        (["import", "t.csv#part"], "which has no parts; leave out '#part'"),
+        (["run", "1.png", "2.png", "--camera", "800"], "or give four numbers fx,fy,cx,cy"),
+    ],
+)
+def test_what_to_do_instead_is_said(
+    call: Call, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, arguments: list[str], said: str
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("t.csv").write_text("x1,y1,x2,y2\n1,2,3,4\n5,6,7,8\n")
+    for name in ("1.png", "2.png"):
+        cv2.imwrite(name, np.zeros((32, 32), np.uint8))
+    found = call(*arguments)
+    assert said in found.err
+    assert found.status in (2, 3, 4)
+    assert len([line for line in found.err.splitlines() if line.startswith("mssegment: ")]) == 1

@@ -134,6 +134,12 @@ def test_colmap_masks_are_named_after_the_picture_and_zero_on_what_moves():
     assert set(np.unique(mask)) == {0, 255}
 
 
+def test_colmap_masks_of_a_video_are_those_of_pictures_taken_out_of_it():
+    frames = tuple(Frame("a/clip.mp4", 320, 240, index=i) for i in (0, 5))
+    files = masks_in("colmap", report_with(frames=frames))
+    assert list(files) == ["masks/00000.png.png", "masks/00005.png.png"]
+
+
 def test_binary_masks_have_a_folder_per_object():
     files = masks_in("binary")
     assert sorted(files) == ["masks/1/1.png", "masks/1/2.png", "masks/2/1.png", "masks/2/2.png"]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import sqlite3
 import struct
+import time
 from collections.abc import Callable
 from itertools import pairwise
 from pathlib import Path
@@ -537,3 +538,11 @@ def test_what_is_not_read_says_what_it_is(tmp_path: Path, content: bytes, words:
     with pytest.raises(DataError, match=words) as caught:
         datasets.read(tmp_path / "t.dat")
     assert "\n" not in str(caught.value)
+
+
+def test_names_of_any_length_are_looked_at_quickly(tmp_path: Path) -> None:
+    (tmp_path / "t.csv").write_text(f"{'a' * 30_000},{'x_' * 9_000}\n1,2\n")
+    start = time.process_time()
+    with pytest.raises(DataError, match="a table with the columns"):
+        datasets.read(tmp_path / "t.csv")
+    assert time.process_time() - start < 2

@@ -57,7 +57,7 @@ def _opened(path: str) -> tuple[CameraFile, str]:
         name,
         error=ConfigurationError,
         expected="a camera file",
-        missing="no such camera file; check the name",
+        missing="no such camera file; check the name, or give four numbers fx,fy,cx,cy",
     )
     return CameraFile(name, content), member
 

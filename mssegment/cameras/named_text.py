@@ -9,8 +9,9 @@ from mssegment.cameras.named_values import camera_of_tree
 from mssegment.records import Camera
 
 _NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
+_NAME = r"[A-Za-z]\w{0,40}"
 _PAIR = re.compile(
-    rf"\s*([A-Za-z]\w*)\s*[:=,;]?\s+({_NUMBER})\s*[,;]?|\s*([A-Za-z]\w*)[:=,;]({_NUMBER})[,;]?"
+    rf"\s*({_NAME})\s*[:=,;]?\s+({_NUMBER})\s*[,;]?|\s*({_NAME})[:=,;]({_NUMBER})[,;]?"
 )
 _HEADING = re.compile(
     r"^\s*(camera matrix|distortion|rectification|projection|width|height)\s*$", re.M
@@ -30,9 +31,7 @@ def _of_pairs(text: str, name: str) -> Camera | None:
     """``fx 800`` or ``fx: 800, fy: 800``: nothing else may stand in the text."""
     values: dict[str, str] = {}
     place = 0
-    for match in _PAIR.finditer(text):
-        if match.start() != place:
-            return None
+    while match := _PAIR.match(text, place):
         key, value = (match[1], match[2]) if match[1] else (match[3], match[4])
         if key in values:
             return None

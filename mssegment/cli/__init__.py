@@ -201,9 +201,24 @@ def _fail(message: str, status: int) -> int:
 def _click_message(error: click.ClickException) -> str:
     message = error.format_message()
     if isinstance(error, click.NoSuchOption):
-        message = f"{message.rstrip('.')}; put file names that start with - after --"
+        message = f"{message.rstrip('.')}; {_instead_of(error)}"
     context = getattr(error, "ctx", None)
     return f"{message} (see `{context.command_path} --help`)" if context else message
+
+
+def _instead_of(error: click.NoSuchOption) -> str:
+    """What to write for an option that the command does not have."""
+    command = (error.ctx.info_name or "") if error.ctx else ""
+    if error.option_name in ("-o", "--output") and command in ("run", "batch"):
+        return "the folder for the results is --out"
+    if command in ("run", "batch"):
+        from mssegment.cli.common import flag_of
+        from mssegment.configuration import KEYS
+
+        for key in KEYS:  # options of the single stages
+            if error.option_name in flag_of(key).split("/"):
+                return f"here it is --set {key}=VALUE"
+    return "put file names that start with - after --"
 
 
 def _print_traceback() -> None:

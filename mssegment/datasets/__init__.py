@@ -78,7 +78,12 @@ def read(path: Path | str, dataset: str | None = None) -> ImportedTracks:
         raise DataError(f"unknown data set {dataset!r}; expected one of {', '.join(DATASETS)}")
     file = InputFile.opened(path)
     entry: DataSet = DATASETS[dataset] if dataset is not None else _recognise(file)
-    return entry.reader(file)
+    found = entry.reader(file)
+    if not file.was_member_read and file.member:
+        raise DataError(
+            f"{file.name}: read as {entry.title}, which has no parts; leave out '#{file.member}'"
+        )
+    return found
 
 
 def read_content(content: bytes, name: str) -> ImportedTracks:

@@ -46,6 +46,8 @@ VISIBLE = _names("visible visibility is_visible visibs vis")
 OCCLUDED = _names("occluded occlusion is_occluded occ hidden lost outside")
 CONFIDENCE = _names("confidence conf likelihood certainty")
 
+LONGEST = 80
+"""Characters of a name that is looked into: the time for that grows with the square."""
 _AXES = {"x": "x", "u": "x", "y": "y", "v": "y"}
 _ORDERED = [
     pair.split("/")
@@ -97,6 +99,8 @@ def views_of(names: Iterable[str]) -> list[tuple[str, str]]:
 
 
 def _view_and_axis(name: str) -> tuple[str, str] | None:
+    if len(name) > LONGEST:
+        return None
     if match := _AXIS_FIRST.fullmatch(name):
         return match[2], _AXES[match[1]]
     if match := _VIEW_FIRST.fullmatch(name):

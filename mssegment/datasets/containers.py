@@ -20,6 +20,9 @@ Variables = Mapping[str, Any]
 
 _PICKLE = "a Python pickle (which may run any code)"
 _REFUSED = {
+    b"\x89PNG": "a picture",
+    b"\xff\xd8\xff": "a picture",
+    b"GIF8": "a picture",
     b"PAR1": "a Parquet file",
     b"ARROW1": "a Feather file",
     b"\xd0\xcf\x11\xe0": "an Excel workbook",
@@ -63,7 +66,9 @@ class InputFile:
     def __init__(self, name: str, content: bytes, member: str = "") -> None:
         self.name = name
         self.content = content
-        self.member = member
+        self._member = member
+        self.was_member_read = False
+        """Whether a reader has looked for the part; files of one part have no names of parts."""
 
     @classmethod
     def opened(cls, path: Path | str) -> InputFile:
@@ -73,6 +78,12 @@ class InputFile:
             name, _, member = name.rpartition("#")
         check_name(name)
         return cls(name, read_file(name, expected="a file of tracks"), member)
+
+    @property
+    def member(self) -> str:
+        """The part of the file to read, as in ``FILE#PART``; empty for the only one."""
+        self.was_member_read = True
+        return self._member
 
     @property
     def path(self) -> Path:
@@ -180,6 +191,8 @@ def _table(file: InputFile) -> Variables:
 
 def _refused(file: InputFile) -> Variables:
     kind = next(kind for magic, kind in _REFUSED.items() if file.content.startswith(magic))
+    if kind == "a picture":
+        raise DataError(f"{file.name}: a picture; expected tracks (`mssegment run` takes pictures)")
     advice = (
         "unpack it first"
         if "compressed" in kind or "archive" in kind

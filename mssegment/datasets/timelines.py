@@ -17,7 +17,7 @@ from mssegment.datasets.base import (
     size_that_holds,
     unseen,
 )
-from mssegment.datasets.columns import CONFIDENCE, FRAME, TRACK, first_of, plain
+from mssegment.datasets.columns import CONFIDENCE, FRAME, LONGEST, TRACK, first_of, plain
 from mssegment.datasets.containers import InputFile, Variables
 from mssegment.datasets.tables import Table
 from mssegment.datasets.track_columns import LIKELY, ignored_columns, in_order, keys_of
@@ -87,6 +87,8 @@ def _points_of(names: Iterable[str]) -> dict[str, tuple[str, str]]:
     found: dict[str, dict[str, str]] = {}
     for name in names:
         short = plain(name)
+        if len(short) > LONGEST:
+            continue
         if match := _AXIS_LAST.fullmatch(short):
             found.setdefault(match[1], {}).setdefault(match[2], name)
         elif match := _AXIS_FIRST.fullmatch(short):

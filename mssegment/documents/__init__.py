@@ -121,6 +121,11 @@ def write_document(path: str, document: Document) -> None:
 
 
 def _malformed(content: bytes, error: msgspec.DecodeError) -> str:
+    if not content.removeprefix(b"\xef\xbb\xbf").lstrip().startswith((b"{", b"[")):
+        return (
+            "no document of mssegment, which is JSON; `mssegment detect` makes one of pictures, "
+            "and `mssegment import` of tracks"
+        )
     for literal in (b"NaN", b"Infinity"):
         if literal in content:
             place = content.index(literal)

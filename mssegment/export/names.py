@@ -17,7 +17,7 @@ def frame_names(frames: Sequence[Frame], *, suffix: bool = False) -> list[str]:
         The frames: pictures by their file names, with their folders where these differ; frames of
         a video by their number, as ``00000``.
     suffix : bool
-        Keep the suffix of a picture, as COLMAP expects it.
+        Keep the suffix of a picture, as COLMAP expects it; frames of a video are taken out as PNG.
 
     Examples
     --------
@@ -27,11 +27,14 @@ def frame_names(frames: Sequence[Frame], *, suffix: bool = False) -> list[str]:
     ['left/1', 'right/1']
     >>> frame_names([Frame("clip.mp4", 9, 9, index=i) for i in (0, 5)])
     ['00000', '00005']
+    >>> frame_names([Frame("clip.mp4", 9, 9, index=i) for i in (0, 5)], suffix=True)
+    ['00000.png', '00005.png']
     """
     if len({frame.path for frame in frames}) <= 1 or not all(frame.path for frame in frames):
         places = [i if frame.index is None else frame.index for i, frame in enumerate(frames)]
         unique = places if len(set(places)) == len(frames) else list(range(len(frames)))
-        return [f"{place:05d}" for place in unique]
+        # as `ffmpeg -start_number 0 %05d.png` calls the pictures of a video
+        return [f"{place:05d}{'.png' * suffix}" for place in unique]
     paths = [_numbered(frame) for frame in frames]
     folders = [path.parent.parts for path in paths]
     shared = _shared_length(folders)
