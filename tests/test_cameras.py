@@ -608,3 +608,9 @@ def test_a_camera_for_tracks_is_checked_by_what_they_cover() -> None:
     assert "reach over 1900x1000 pixels, but the camera" in notes_on_tracks(own, 1900, 1000)[0]
     with pytest.raises(ConfigurationError, match="fx is 4, which cannot be pixels"):
         notes_on_tracks(Camera(4.0, 4.0, 2.0, 2.0), 640, 480)
+
+
+@pytest.mark.parametrize(("fx", "fy", "name"), [(4.0, 800.0, "fx"), (800.0, 3e-307, "fy")])
+def test_both_focal_lengths_are_checked(fx: float, fy: float, name: str) -> None:
+    with pytest.raises(ConfigurationError, match=f"camera: {name} is .*cannot be pixels"):
+        fitted(Camera(fx, fy, 320.0, 240.0), 640, 480)

@@ -546,3 +546,35 @@ def test_names_of_any_length_are_looked_at_quickly(tmp_path: Path) -> None:
     with pytest.raises(DataError, match="a table with the columns"):
         datasets.read(tmp_path / "t.csv")
     assert time.process_time() - start < 2
+
+
+def test_half_a_position_is_none(tmp_path: Path, rng: np.random.Generator) -> None:
+    """Damaged numbers: a document has both coordinates of a position, or neither."""
+    points = rng.uniform(40, 300, (TRACKS, 6, 2))
+    points[2, 1, 0] = np.nan
+    content = struct.pack("<Q", FRAMES)
+    for f in range(FRAMES):
+        content += struct.pack("<I7dI", f, *[1.0] * 7, 1) + f"{f}.jpg".encode() + b"\0"
+        content += struct.pack("<Q", TRACKS)
+        content += b"".join(struct.pack("<ddq", *points[p, f], p) for p in range(TRACKS))
+    (tmp_path / "images.bin").write_bytes(content)
+    colmap_database(tmp_path / "base.db", points)
+    for name, frame in (("images.bin", 1), ("base.db#1,2", 1)):
+        found = datasets.read(f"{tmp_path}/{name}").tracks.points
+        assert np.isnan(found[2, frame]).all()
+        assert np.isnan(found).any(axis=-1).sum() == 1
+
+
+def test_the_own_files_of_results_are_read(tmp_path: Path, points: Floats) -> None:
+    """``tracks.npz``, whose labels are found ones, with -1 for the background."""
+    np.savez(
+        tmp_path / "tracks.npz",
+        points=points,
+        visibility=seen(points),
+        labels=np.full(TRACKS, -1),
+        residuals=np.zeros((TRACKS, FRAMES)),
+        matrices=np.zeros((2, 3, 3)),
+    )
+    found = datasets.read(tmp_path / "tracks.npz").tracks
+    np.testing.assert_allclose(found.points, points)
+    assert found.labels is None

@@ -33,7 +33,7 @@ def fitted(camera: Camera, width: int, height: int) -> tuple[Camera, tuple[str, 
         If the camera is of pictures of another shape, or the focal length cannot be in pixels.
     """
     camera, notes = _scaled(camera, width, height)
-    _check_view(camera, width)
+    _check_view(camera, width, height)
     if not (-0.5 <= camera.cx <= width - 0.5 and -0.5 <= camera.cy <= height - 0.5):
         notes += (
             f"the principal point ({camera.cx:g}, {camera.cy:g}) lies outside the pictures "
@@ -47,7 +47,7 @@ def notes_on_tracks(camera: Camera, width: int, height: int) -> tuple[str, ...]:
 
     Raises ConfigurationError if the focal length cannot be in pixels.
     """
-    _check_view(camera, width)
+    _check_view(camera, width, height)
     if camera.width is None or camera.height is None:
         return ()
     # a tracker may follow a point a little beyond the border
@@ -59,17 +59,21 @@ def notes_on_tracks(camera: Camera, width: int, height: int) -> tuple[str, ...]:
     )
 
 
-def _check_view(camera: Camera, width: int) -> None:
+def _check_view(camera: Camera, width: int, height: int) -> None:
     """Raises ConfigurationError for a focal length that no lens has, such as one in millimetres."""
     if camera.distortion_model != "brown":
         return
-    view = math.degrees(2 * math.atan(width / (2 * camera.fx)))
-    if view > WIDEST:
-        raise ConfigurationError(
-            f"camera: fx is {camera.fx:g}, which cannot be pixels for pictures {width} wide (a "
-            f"view of {view:.0f} degrees); from millimetres: fx = f * {width} / (width of the "
-            "sensor)"
-        )
+    for name, focal, side, word in (
+        ("fx", camera.fx, width, "wide"),
+        ("fy", camera.fy, height, "high"),
+    ):
+        view = math.degrees(2 * math.atan(side / (2 * focal)))
+        if view > WIDEST:
+            raise ConfigurationError(
+                f"camera: {name} is {focal:g}, which cannot be pixels for pictures {side} {word} "
+                f"(a view of {view:.0f} degrees); from millimetres: fx = f * {width} / (width of "
+                "the sensor)"
+            )
 
 
 def _scaled(camera: Camera, width: int, height: int) -> tuple[Camera, tuple[str, ...]]:

@@ -36,6 +36,8 @@ _VISIBLE = re.compile(r"(pred_)?(vis(ib\w*|ible\w*|_[eg])?|valids?|mask)")
 _OCCLUDED = re.compile(r"(pred_)?occ(l\w*)?")
 _IDS = ("ids", "track_ids", "id")
 _LABELS = ("labels", "label", "true_labels", "gt_labels")
+_OWN = {"points", "labels", "residuals", "matrices"}
+"""The arrays in a ``tracks.npz`` of mssegment."""
 _LIKELY = 0.5
 """A visibility given as a probability counts from here on."""
 
@@ -238,6 +240,8 @@ def _like(array: Any, shape: tuple[int, ...]) -> Floats | None:
 
 
 def _labels(file: InputFile, count: int) -> tuple[Integers | None, str]:
+    if set(file.variables) >= _OWN:
+        return None, ""  # the labels of an earlier run, which are no truth
     for name in _LABELS:
         if name in file.variables and np.size(file.variables[name]) == count:
             values = file.variables[name]

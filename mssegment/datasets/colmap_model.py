@@ -108,6 +108,7 @@ def _tracks(images: list[Seen], file: InputFile) -> ImportedTracks:
         points[np.searchsorted(found, own[known]), frame] = places[known] - _CENTRE
     if np.isinf(points).any():
         raise DataError(f"{file.name}: holds infinity; expected pixels")
+    points[np.isnan(points).any(axis=-1)] = np.nan
     check_points(points, file.name)
     shown = f"{images[0][0]} ... {images[-1][0]}"
     notes = (

@@ -74,6 +74,9 @@ def read(file: InputFile) -> ImportedTracks:
 
 def matched(points: Floats, pairs: Integers, file: InputFile, note: str = "") -> ImportedTracks:
     """Tracks of two views from matched keypoints; the index in the first image identifies each."""
+    if np.isinf(points).any():
+        raise DataError(f"{file.name}: a keypoint is at infinity; expected pixels")
+    points = np.where(np.isnan(points).any(axis=-1, keepdims=True), np.nan, points)
     check_pixels(points, file.name)
     check_points(points, file.name)
     return ImportedTracks(

@@ -239,7 +239,8 @@ def check_camera(camera: Camera) -> None:
         if size is not None and not 0 < size <= LARGEST_COORDINATE:
             raise ValueError(f"camera.{name} is {size}; expected pixels, more than 0")
     for name in ("fx", "fy"):
-        if not 0 < getattr(camera, name) <= LARGEST_COORDINATE:
+        # below, coordinates in units of the focal length would overflow
+        if not 1 / LARGEST_COORDINATE <= getattr(camera, name) <= LARGEST_COORDINATE:
             raise ValueError(
                 f"camera.{name} is {getattr(camera, name):g}; expected pixels, more than 0 and at "
                 f"most {LARGEST_COORDINATE:g}"
