@@ -282,8 +282,17 @@ def colmap_database(path: Path, points: Floats) -> None:
 WAYS = ["cam/0.jpg,cam/2.jpg", "cam/0.jpg/cam/2.jpg", "cam-0.jpg cam-2.jpg", "0,2", "cam/0,cam/2"]
 
 
-@pytest.mark.parametrize("way", [*WAYS, "cam/2.jpg,cam/0.jpg"])
-@pytest.mark.parametrize("kind", ["colmap", "hloc", "hloc before 2021", "dense", "kornia"])
+@pytest.mark.parametrize(
+    ("kind", "way"),
+    [
+        *(("colmap", way) for way in [*WAYS, "cam/2.jpg,cam/0.jpg"]),
+        ("hloc", "cam/0.jpg,cam/2.jpg"),
+        ("hloc", "cam/2.jpg,cam/0.jpg"),
+        ("hloc before 2021", "cam-0.jpg cam-2.jpg"),
+        ("dense", "cam/2.jpg,cam/0.jpg"),
+        ("kornia", "cam/0.jpg/cam/2.jpg"),
+    ],
+)
 def test_one_of_several_pairs(
     tmp_path: Path, rng: np.random.Generator, way: str, kind: str
 ) -> None:
@@ -578,3 +587,25 @@ def test_the_own_files_of_results_are_read(tmp_path: Path, points: Floats) -> No
     found = datasets.read(tmp_path / "tracks.npz").tracks
     np.testing.assert_allclose(found.points, points)
     assert found.labels is None
+
+
+def test_large_storage_of_opencv_is_read_quickly(tmp_path: Path, rng: np.random.Generator) -> None:
+    points = rng.uniform(40, 300, (60_000, 2, 2)).astype(np.float32)
+    path = tmp_path / "t.yml"
+    storage = cv2.FileStorage(str(path), cv2.FILE_STORAGE_WRITE)
+    storage.write("points1", points[:, 0])
+    storage.write("points2", points[:, 1])
+    storage.release()
+    start = time.process_time()
+    np.testing.assert_allclose(datasets.read(path).tracks.points, points, rtol=1e-6)
+    assert time.process_time() - start < 3
+    path.write_text("%YAML:1.0\n" + "".join(f"a{i}: {i}\n" for i in range(110_000)))
+    with pytest.raises(DataError, match=r"more than the limit of 100,000 .limits.yaml_values"):
+        datasets.read(path)
+
+
+def test_deep_storage_is_one_line(tmp_path: Path) -> None:
+    deep = "<a>" * 5000 + "1" + "</a>" * 5000
+    (tmp_path / "t.xml").write_text(f"<opencv_storage>{deep}</opencv_storage>")
+    with pytest.raises(DataError, match="nested too deeply"):
+        datasets.read(tmp_path / "t.xml")

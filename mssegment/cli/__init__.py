@@ -201,12 +201,12 @@ def _fail(message: str, status: int) -> int:
 def _click_message(error: click.ClickException) -> str:
     message = error.format_message()
     if isinstance(error, click.NoSuchOption):
-        message = f"{message.rstrip('.')}; {_instead_of(error)}"
+        message = f"{message.rstrip('.')}; {_instead_of_option(error)}"
     context = getattr(error, "ctx", None)
     return f"{message} (see `{context.command_path} --help`)" if context else message
 
 
-def _instead_of(error: click.NoSuchOption) -> str:
+def _instead_of_option(error: click.NoSuchOption) -> str:
     """What to write for an option that the command does not have."""
     command = (error.ctx.info_name or "") if error.ctx else ""
     if error.option_name in ("-o", "--output") and command in ("run", "batch"):

@@ -15,7 +15,7 @@ import yaml
 from mssegment.configuration.settings import KEYS, Setting, check_key
 from mssegment.errors import ConfigurationError
 from mssegment.inputs.files import read_file
-from mssegment.inputs.yaml_nodes import check_nodes
+from mssegment.inputs.yaml_nodes import check_nodes, check_text
 
 _NO_VALUE = (
     *(yaml.YAMLError, ValueError, OverflowError, TypeError, RecursionError),
@@ -47,6 +47,7 @@ def value_of(text: str, origin: str) -> Any:
 
 
 def _compose(text: str, path: str) -> yaml.Node | None:
+    check_text(text, path, ConfigurationError)
     try:
         node = yaml.compose(text, Loader=yaml.SafeLoader)
         check_nodes(node, path, ConfigurationError)

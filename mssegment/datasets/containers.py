@@ -209,7 +209,10 @@ def _xml(file: InputFile) -> Variables:
     found = load_xml(file)
     if found["root"].tag != "opencv_storage":
         return found
-    tree = of_element(found["root"])
+    try:
+        tree = of_element(found["root"])
+    except RecursionError:
+        raise DataError(f"{file.name}: nested too deeply; expected matrices") from None
     return arrays_of(tree) if isinstance(tree, dict) else {}
 
 

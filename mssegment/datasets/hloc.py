@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -46,7 +46,7 @@ def read(file: InputFile) -> ImportedTracks:
         if len(places[0]) != len(places[1]):
             raise DataError(f"{file.name}: {first} and {second} have not as many keypoints")
     else:
-        places = [_keypoints(name, file) for name in (first, second)]
+        places = _keypoints((first, second), file)
         indices = pairs_of(found, len(places[0]), len(places[1]), f"{file.name}: matches0")
     points = np.stack([places[0][indices[:, 0]], places[1][indices[:, 1]]], axis=1)
     if is_reversed:
@@ -99,19 +99,28 @@ def _has_keypoints(content: Variables) -> bool:
     )
 
 
-def _keypoints(image: str, file: InputFile) -> Floats:
-    others = sorted(
+def _keypoints(images: Sequence[str], file: InputFile) -> list[Floats]:
+    """The keypoints of images, from this file, or else from those beside it.
+
+    Raises DataError if some are in none of them.
+    """
+    beside = sorted(
         path
         for pattern in ("*.h5", "*.hdf5")
         for path in file.path.resolve().parent.glob(pattern)
         if path != file.path.resolve()
     )
-    for content in (file.variables, *(load_hdf5(read_file(str(p)), str(p)) for p in others)):
-        found = _find(content, image)
-        if found is not None:
-            return np.asarray(found, dtype=np.float64)[:, :2]
+    found: dict[str, Any] = {}
+    for path in (None, *beside):  # files beside it only as far as they are needed
+        content = file.variables if path is None else load_hdf5(read_file(str(path)), str(path))
+        for image in set(images) - set(found):
+            if (own := _find(content, image)) is not None:
+                found[image] = own
+        if len(found) == len(set(images)):
+            return [np.asarray(found[image], dtype=np.float64)[:, :2] for image in images]
+    missing = next(image for image in images if image not in found)
     raise DataError(
-        f"{file.name}: matches without keypoints; put the file with the keypoints of {image} "
+        f"{file.name}: matches without keypoints; put the file with the keypoints of {missing} "
         "(hloc's features) beside it"
     )
 

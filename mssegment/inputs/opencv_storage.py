@@ -14,6 +14,9 @@ if TYPE_CHECKING:
     from xml.etree import ElementTree
 
 _FLOATS = {"f": np.float32, "d": np.float64, "h": np.float16}
+_LONG = 1000
+"""Characters of a list of numbers that is kept from the parser of YAML."""
+_MARK = "mssegment-list-"
 _KEYPOINT = 7
 """Numbers of a keypoint: x, y, size, angle, response, octave, class."""
 _MATCH = 4
@@ -43,7 +46,7 @@ def of_yaml(text: str, name: str, error: type[MssegmentError]) -> dict[str, Any]
     """
     import yaml
 
-    from mssegment.inputs.yaml_nodes import check_nodes
+    from mssegment.inputs.yaml_nodes import check_nodes, check_text
 
     class Loader(yaml.SafeLoader):
         """Reads tagged values, such as ``!!opencv-matrix``, as what they are written as."""
@@ -63,6 +66,8 @@ def of_yaml(text: str, name: str, error: type[MssegmentError]) -> dict[str, Any]
     after = r"[^\s:/]" if text.lstrip("\ufeff").startswith("%YAML") else r"[\d.+-]"
     key = re.compile(rf"^(\s*[A-Za-z_][\w.]*):(?={after})")
     plain = "\n".join(key.sub(r"\1: ", line) for line in lines)
+    plain, blocks = _without_blocks(plain)
+    check_text(plain, name, error)
     try:
         # `rostopic echo` ends each message with a line of dashes
         node = next(iter(yaml.compose_all(plain, Loader=Loader)), None)
@@ -79,7 +84,39 @@ def of_yaml(text: str, name: str, error: type[MssegmentError]) -> dict[str, Any]
         *(AttributeError, KeyError, IndexError),  # a scalar that is not what its tag says
     ) as failure:
         raise error(f"{name}: not YAML ({' '.join(str(failure).split())})") from None
-    return found if isinstance(found, dict) else {}
+    try:
+        return _with_blocks(found, blocks) if isinstance(found, dict) else {}
+    except (ValueError, RecursionError):
+        raise error(f"{name}: a damaged list of numbers, or nested too deeply") from None
+
+
+def _without_blocks(text: str) -> tuple[str, list[str]]:
+    """The text with a mark for each long list of numbers, and these lists.
+
+    The parser of YAML needs a second for 20 000 numbers.
+    """
+    blocks: list[str] = []
+
+    def mark(match: re.Match[str]) -> str:
+        if len(match[1]) < _LONG:
+            return match[0]
+        blocks.append(match[1])
+        lines = "\n" * match[1].count("\n")  # errors name lines
+        return f"[ {_MARK}{len(blocks) - 1}{lines} ]"
+
+    return re.sub(r"\[([-+.\deE,\s]*)\]", mark, text), blocks
+
+
+def _with_blocks(value: Any, blocks: list[str]) -> Any:
+    """The tree with the lists instead of their marks."""
+    if isinstance(value, dict):
+        return {key: _with_blocks(own, blocks) for key, own in value.items()}
+    if not isinstance(value, list):
+        return value
+    if len(value) == 1 and isinstance(value[0], str) and value[0].startswith(_MARK):
+        words = blocks[int(value[0].removeprefix(_MARK))].replace(",", " ").split()
+        return np.array(words, dtype=np.float64).tolist()
+    return [_with_blocks(own, blocks) for own in value]
 
 
 def of_element(element: ElementTree.Element) -> Any:

@@ -8,6 +8,14 @@ from mssegment.errors import MssegmentError
 from mssegment.inputs import limits
 
 
+def check_text(text: str, where: str, error: type[MssegmentError]) -> None:
+    """Check how many values a text can have, before the slow parser sees it.
+
+    Raises ``error`` if it has more commas and lines than ``limits.yaml_values``.
+    """
+    limits.check("yaml_values", text.count(",") + text.count("\n"), where, error)
+
+
 def check_nodes(root: yaml.Node | None, where: str, error: type[MssegmentError]) -> None:
     """Check how much a YAML document becomes.
 
