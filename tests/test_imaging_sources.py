@@ -145,6 +145,8 @@ def box(name: bytes, *inside: bytes) -> bytes:
             "sound only",
         ),
         (b"ID3" + bytes(500), "sound only"),
+        (box(b"ftyp", b"heic" + bytes(8)) + bytes(99), "a HEIC picture, which is not read"),
+        (b"PK\x03\x04" + bytes(99), "an archive; unpack it"),
         (b"\x1aE\xdf\xa3" + bytes(500), "neither a picture nor a video"),
     ],
 )  # fmt: skip
@@ -301,6 +303,26 @@ def test_labels_in_a_folder_are_no_frames(tmp_path: Path) -> None:
 def test_what_is_no_file_is_refused(given: str, words: str) -> None:
     with pytest.raises(DataError, match=words):
         open_frames([given])
+
+
+@pytest.mark.parametrize(
+    ("files", "given", "words"),
+    [
+        ({"cam0/1.png": b"", "cam1/1.png": b""}, ".", r"name one of its folders .cam0, cam1."),
+        ({"a.heic": b"", "b.heic": b""}, ".", "convert its HEIC pictures"),
+        ({"a.txt": b"", "b.doc": b""}, ".", r"found .doc, .txt files"),
+        ({"a.dng": b"II*\0"}, "a.dng", "the raw file of a camera"),
+        ({"1.png": b"version https://git-lfs.github.com/spec/v1\n"}, "1.png", "git lfs pull"),
+    ],
+)
+def test_what_is_there_instead_of_pictures_is_said(
+    tmp_path: Path, files: dict[str, bytes], given: str, words: str
+) -> None:
+    for name, content in files.items():
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).write_bytes(content)
+    with pytest.raises(DataError, match=words):
+        open_frames([str(tmp_path / given)])
 
 
 def test_pipes_are_refused(tmp_path: Path) -> None:

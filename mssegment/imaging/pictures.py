@@ -83,6 +83,8 @@ def decode(path: str, content: bytes) -> StoredPicture:
         If the content is no picture, is truncated, is larger than ``limits.picture_pixels``, or
         has pixels of another kind than 8 bits, 16 bits or numbers with a fraction.
     """
+    if content.startswith(b"version https://git-lfs"):
+        raise DataError(f"{path}: a pointer of Git LFS; `git lfs pull` fetches the picture itself")
     check_size(path, content)
     if not _has_end(content):
         raise DataError(f"{path}: the picture is cut short or damaged; copy or export it again")

@@ -14,6 +14,9 @@ from mssegment.inputs.files import check_name
 
 _URL = re.compile(r"[a-z][a-z0-9+.-]*://", re.IGNORECASE)
 _PRINTF = re.compile(r"%(0?)(\d*)d")
+_RAW = frozenset((".dng", ".cr2", ".cr3", ".nef", ".arw", ".orf", ".rw2", ".raf", ".pef", ".srw"))
+"""Suffixes of raw files; a decoder of TIFF would find a small preview in some."""
+_HEIC = frozenset((".heic", ".heif", ".hif"))
 _LABELS = re.compile(r"(?:^|[^a-z])(masks?|labels?|annotations?|gt|seg|segmentations?)(?:[^a-z]|$)")
 """Words in the names of pictures that hold labels, not frames."""
 
@@ -69,6 +72,10 @@ def _check(given: str) -> None:
             f"{given}: cameras are not opened by their number; record a video and name that"
         )
     check_name(given)
+    if Path(given).suffix.lower() in _RAW:
+        raise DataError(
+            f"{given}: the raw file of a camera, which is not read; develop it to PNG, TIFF or JPEG"
+        )
     if os.path.exists(given) and not os.path.isdir(given):
         mode = os.stat(given).st_mode
         if stat.S_ISFIFO(mode) or stat.S_ISSOCK(mode):
@@ -100,6 +107,19 @@ def _printf(given: str) -> list[str]:
     return [os.path.join(folder, own) for own in inside if re.fullmatch(pattern, own)]
 
 
+def _instead(folder: str) -> str:
+    """What else is in a folder without pictures: folders, or files of other kinds."""
+    inside = sorted((e for e in Path(folder).iterdir() if e.name[:1] != "."), key=lambda e: e.name)
+    folders = [entry.name for entry in inside if entry.is_dir()]
+    if folders:
+        more = ", ..." if len(folders) > 4 else ""
+        return f"name one of its folders ({', '.join(folders[:4])}{more})"
+    suffixes = sorted({entry.suffix.lower() for entry in inside if entry.suffix})
+    if set(suffixes) & _HEIC:
+        return "convert its HEIC pictures to JPEG or PNG"
+    return f"found {', '.join(suffixes[:5])} files" if suffixes else "check the path"
+
+
 def _folder(given: str) -> tuple[list[str], tuple[str, ...]]:
     """The pictures in a folder; those named as labels are left out where there are others."""
     names = [
@@ -110,7 +130,7 @@ def _folder(given: str) -> tuple[list[str], tuple[str, ...]]:
     if not names:
         raise DataError(
             f"{given}: no pictures in this folder, expected PNG, JPEG, TIFF, BMP, ... files; "
-            "check the path"
+            f"{_instead(given)}"
         )
     labels = {name for name in names if _LABELS.search(Path(name).stem.lower())}
     frames = [name for name in names if name not in labels] or names

@@ -10,6 +10,7 @@ from typing import BinaryIO
 _INSIDE = (b"moov", b"trak", b"mdia", b"minf", b"stbl")
 _CODECS = {b"av01": "AV1", b"vp09": "VP9", b"hvc1": "H.265", b"hev1": "H.265", b"vvc1": "H.266"}
 _CODECS |= {b"avc1": "H.264", b"mp4v": "MPEG-4"}
+_HEIC = (b"heic", b"heix", b"hevc", b"hevx", b"mif1", b"msf1")
 _AUDIO = (b"ID3", b"OggS", b"fLaC", b"\xff\xfb", b"\xff\xf3")
 
 
@@ -33,7 +34,13 @@ def fault_of(path: str, said: str, has_pyav: bool) -> str:
 
 
 def _fault(file: BinaryIO, said: str, has_pyav: bool) -> str:
-    head = file.read(16)
+    head = file.read(32)
+    if head[4:8] == b"ftyp" and head[8:12] in _HEIC:
+        return "a HEIC picture, which is not read; convert it to JPEG or PNG"
+    if head.startswith(b"PK\x03\x04"):
+        return "an archive; unpack it and name the folder"
+    if head.startswith(b"version https://git-lfs"):
+        return "a pointer of Git LFS; `git lfs pull` fetches the file itself"
     if head[4:8] in (b"ftyp", b"moov", b"mdat", b"wide", b"free"):
         boxes = list(_boxes(file, 0, _size(file)))
         if b"moov" not in [name for name, _ in boxes]:
