@@ -191,7 +191,8 @@ def open_tracks(configuration: Configuration) -> TracksDocument | None:
     elif is_for_data(configuration):
         document = pipeline.import_points(path)
     else:
-        document = pipeline.import_tracks(path)
+        source = pipeline.open_input(configuration) if configuration.input.images else None
+        return pipeline.import_tracks(path, source)
     if configuration.input.images:
         document = pipeline.put_on_pictures(document, pipeline.open_input(configuration))
     return document

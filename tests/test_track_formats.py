@@ -16,8 +16,9 @@ import numpy.typing as npt
 import pytest
 import scipy.io
 
-from mssegment import datasets
+from mssegment import datasets, pipeline
 from mssegment.errors import DataError
+from mssegment.imaging.frames import open_frames
 from mssegment.records import Floats
 
 TRACKS, FRAMES = 12, 6
@@ -609,3 +610,17 @@ def test_deep_storage_is_one_line(tmp_path: Path) -> None:
     (tmp_path / "t.xml").write_text(f"<opencv_storage>{deep}</opencv_storage>")
     with pytest.raises(DataError, match="nested too deeply"):
         datasets.read(tmp_path / "t.xml")
+
+
+def test_y_upwards_is_turned_on_the_pictures(points: Floats, tmp_path: Path) -> None:
+    """3DEqualizer counts from the lower left corner of the picture."""
+    upwards = np.stack([points[..., 0] + 0.5, 400 - (points[..., 1] + 0.5)], axis=-1).round(2)
+    (tmp_path / "t.txt").write_text(LAYOUTS["3DEqualizer"](upwards))
+    for f in range(FRAMES):
+        cv2.imwrite(str(tmp_path / f"{f}.png"), np.zeros((400, 500), np.uint8))
+    path = str(tmp_path / "t.txt")
+    found = pipeline.import_tracks(path, open_frames([str(tmp_path / "*.png")]))
+    np.testing.assert_allclose(found.tracks.points, points, atol=1e-6)
+    alone = pipeline.import_tracks(path)
+    np.testing.assert_allclose(alone.tracks.points, upwards)
+    assert any("upside down" in note for note in alone.history[-1].notes)

@@ -56,7 +56,9 @@ def command(
     start = time.perf_counter()
     from mssegment import pipeline
 
-    document = pipeline.import_points(file) if points else pipeline.import_tracks(file)
-    if configuration.input.images:
-        document = pipeline.put_on_pictures(document, pipeline.open_input(configuration))
+    if points:
+        document = pipeline.import_points(file)
+    else:
+        source = pipeline.open_input(configuration) if configuration.input.images else None
+        document = pipeline.import_tracks(file, source)
     console.deliver(document, output, start, "import")

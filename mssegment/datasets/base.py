@@ -47,6 +47,8 @@ class ImportedTracks(Record, frozen=True):
         The identifiers of the tracks in the file; None where it has none.
     notes : tuple of str
         What was assumed and what was ignored, for the user.
+    is_upwards : bool
+        Whether y counts upwards from the lower edge of the picture, whose height is not known.
     """
 
     name: str
@@ -57,6 +59,7 @@ class ImportedTracks(Record, frozen=True):
     pictures: tuple[npt.NDArray[np.uint8], ...] = ()
     ids: tuple[str, ...] | None = None
     notes: tuple[str, ...] = ()
+    is_upwards: bool = False
 
     @property
     def motions(self) -> int:

@@ -23,7 +23,6 @@ from mssegment.inputs.encodings import text_of
 from mssegment.records import replace
 
 Columns = dict[str, list[str]]
-_UPWARDS = "y counts upwards from the lower edge: the pictures are mirrored, the motions are right"
 
 
 def recognises(content: Variables) -> bool:
@@ -47,7 +46,7 @@ def read(file: InputFile) -> ImportedTracks:
     if not count:
         raise DataError(f"{file.name}: no positions in this file; expected one track or more")
     found = read_sightings(Table(file.name, columns, range(1, count + 1)), file)
-    return replace(found, notes=(note, *found.notes))
+    return replace(found, notes=(note, *found.notes), is_upwards=layout == "equalizer")
 
 
 def _empty(*more: str) -> Columns:
@@ -126,7 +125,7 @@ def _equalizer(lines: list[str], name: str) -> tuple[Columns, str]:
             if len(words) != 3:
                 raise DataError(f"{name}: line {number}: '{text}'; expected frame x y")
             _add(columns, f"{place + 1} {point}", *words)
-    return columns, f"2-D tracks of 3DEqualizer; {_UPWARDS}"
+    return columns, "2-D tracks of 3DEqualizer"
 
 
 def _mtrackj(lines: list[str], name: str) -> tuple[Columns, str]:

@@ -23,32 +23,42 @@ def open_input(configuration: Configuration) -> FrameSource:
     return open_frames(read.images, read.start, read.stop, read.step)
 
 
-def import_tracks(path: str) -> TracksDocument:
+def import_tracks(path: str, source: FrameSource | None = None) -> TracksDocument:
     """Read tracks that another program wrote.
 
     Parameters
     ----------
     path : str
         A file of a format in ``datasets``, or ``-`` for standard input.
+    source : FrameSource, optional
+        The pictures that the tracks were made from.
 
     Returns
     -------
     TracksDocument
+        On these pictures, if they are given.
 
     Raises
     ------
     DataError
-        If the file cannot be read.
+        If the file cannot be read, a frame has no picture, or most positions lie outside them.
     """
     from mssegment.datasets import read, read_content
 
     found = read_content(read_bytes(path), "standard input") if path == STANDARD else read(path)
-    return TracksDocument(
+    points, notes = found.tracks.points, found.notes
+    if found.is_upwards and source is not None:
+        # the lower left corner is 0, 0 there; the centre of the upper left pixel is, here
+        points = points * [1.0, -1.0] + [-0.5, source.frames[0].height - 0.5]
+    elif found.is_upwards:
+        notes += ("y counts upwards: without --images everything is drawn upside down",)
+    document = TracksDocument(
         frames=list(found.frames),
         camera=found.camera,
-        tracks=replace(found.tracks, ids=found.ids),
-        history=[entry_of("import", notes=found.notes)],
+        tracks=replace(found.tracks, points=points, ids=found.ids),
+        history=[entry_of("import", notes=notes)],
     )
+    return document if source is None else put_on_pictures(document, source)
 
 
 def import_points(path: str) -> TracksDocument:
