@@ -555,6 +555,9 @@ def test_names_of_any_length_are_looked_at_quickly(tmp_path: Path) -> None:
     start = time.process_time()
     with pytest.raises(DataError, match="a table with the columns"):
         datasets.read(tmp_path / "t.csv")
+    (tmp_path / "t.csv").write_text("KLT Feature Table\n0 | " + "(" * 30_000)
+    with pytest.raises(DataError, match="no positions"):
+        datasets.read(tmp_path / "t.csv")
     assert time.process_time() - start < 2
 
 

@@ -116,10 +116,12 @@ def _keypoints(connection: sqlite3.Connection, image: int, file: InputFile) -> F
 
 def _matrix(row: Any, kind: type[np.generic], file: InputFile) -> Any:
     data, rows, columns = row
-    values = np.frombuffer(data or b"", dtype=np.dtype(kind).newbyteorder("<"))
-    if values.size != rows * columns or columns < 2:
-        raise DataError(f"{file.name}: a damaged row ({values.size} numbers for {rows}x{columns})")
-    return values.reshape(rows, columns)
+    item = np.dtype(kind).newbyteorder("<")
+    length = len(data) if isinstance(data, bytes) else 0
+    are_whole = isinstance(rows, int) and isinstance(columns, int)
+    if not are_whole or columns < 2 or length != rows * columns * item.itemsize:
+        raise DataError(f"{file.name}: a damaged row ({length} bytes for {rows}x{columns} numbers)")
+    return np.frombuffer(data or b"", dtype=item).reshape(rows, columns)
 
 
 COLMAP = DataSet(

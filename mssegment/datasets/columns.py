@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Sequence
+from functools import lru_cache
 
 from mssegment.records import Record
 
@@ -59,6 +60,7 @@ _AXIS_FIRST = re.compile(r"(?:\w*_)?([xyuv])_?(\d+|[a-z]+)")
 _VIEW_FIRST = re.compile(r"(?:[a-z_]*?_?)(\d+|[a-z]+)_?([xyuv])")
 
 
+@lru_cache(maxsize=1024)
 def plain(name: str) -> str:
     """A name in lower case with single underscores instead of blanks, units and punctuation."""
     without_unit = re.sub(r"\s*[\[(].*?[\])]", "", name.strip().lower())

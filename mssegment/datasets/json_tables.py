@@ -143,7 +143,9 @@ def _numbers(value: Any) -> list[float]:
 
 def _of_keypoints(record: Record) -> list[Record]:
     """One record for each keypoint (x, y, score) of a person; each is a track."""
-    numbers = _numbers(record.get(_KEYPOINTS))
+    if _KEYPOINTS not in record:
+        return [record]
+    numbers = _numbers(record[_KEYPOINTS])
     track = first_of([*record, "idx"], (*TRACK, "idx"))
     frame = first_of([name for name in record if name != track], FRAME)
     if not numbers or len(numbers) % 3 or track not in record or frame is None:

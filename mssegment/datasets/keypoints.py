@@ -123,10 +123,11 @@ def _names(content: Variables) -> tuple[str, str] | None:
         for a, b in ends
         if name.endswith(a)
     ]
-    known = next((pair for pair in _PAIRS if set(pair) <= set(content)), None)
+    names = set(content)
+    known = next((pair for pair in _PAIRS if set(pair) <= names), None)
     if known is not None:
         return known
-    pairs = [pair for pair in (*_GENERAL, *similar) if set(pair) <= set(content)]
+    pairs = [pair for pair in (*_GENERAL, *similar) if set(pair) <= names]
     return next((pair for pair in pairs if all(_are_places(content[name]) for name in pair)), None)
 
 

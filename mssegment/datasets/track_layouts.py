@@ -22,7 +22,8 @@ from mssegment.inputs import limits
 from mssegment.inputs.encodings import text_of
 from mssegment.records import replace
 
-Columns = dict[str, list[str]]
+_CELL = re.compile(r"\( *([^,() ]{1,40}) *, *([^,() ]{1,40}) *\) *= *(-?\d{1,12})")
+"""A position in KLT's table, and its value."""
 
 
 def recognises(content: Variables) -> bool:
@@ -41,21 +42,25 @@ def read(file: InputFile) -> ImportedTracks:
         return read_images(text, file)
     if layout in _REFUSED:
         raise DataError(f"{file.name}: {_REFUSED[layout]}")
-    columns, note = _READERS[layout](text.lstrip("\ufeff").splitlines(), file.name)
-    count = len(columns["track"])
-    if not count:
+    rows, note = _READERS[layout](text.lstrip("\ufeff").splitlines(), file.name)
+    if not rows.lines:
         raise DataError(f"{file.name}: no positions in this file; expected one track or more")
-    found = read_sightings(Table(file.name, columns, range(1, count + 1)), file)
+    found = read_sightings(Table(file.name, rows.columns, rows.lines), file)
     return replace(found, notes=(note, *found.notes), is_upwards=layout == "equalizer")
 
 
-def _empty(*more: str) -> Columns:
-    return {name: [] for name in ("track", "frame", "x", "y", *more)}
+class _Rows:
+    """Columns of a table with one position of a track per row, and the line of each."""
 
+    def __init__(self, *more: str) -> None:
+        self.columns: dict[str, list[str]] = {n: [] for n in ("track", "frame", "x", "y", *more)}
+        self.lines: list[int] = []
 
-def _add(columns: Columns, *values: object) -> None:
-    for cells, value in zip(columns.values(), values, strict=True):
-        cells.append(str(value))
+    def add(self, line: int, *values: object) -> None:
+        """Add a row."""
+        self.lines.append(line)
+        for cells, value in zip(self.columns.values(), values, strict=True):
+            cells.append(str(value))
 
 
 class _Words:
@@ -82,9 +87,9 @@ class _Words:
         return int(word)
 
 
-def _brox(lines: list[str], name: str) -> tuple[Columns, str]:
+def _brox(lines: list[str], name: str) -> tuple[_Rows, str]:
     """Numbers of frames and tracks, then for each track a label, a length, and lines x y frame."""
-    words, columns = _Words(lines, name), _empty("label")
+    words, rows = _Words(lines, name), _Rows("label")
     frames = words.count("the number of frames")
     tracks = words.count("the number of tracks")
     for track in range(tracks):
@@ -93,19 +98,19 @@ def _brox(lines: list[str], name: str) -> tuple[Columns, str]:
             x, y, frame = (
                 words.next(f"{axis} of track {track + 1}") for axis in ("x", "y", "frame")
             )
-            _add(columns, track, frame, x, y, label)
-    if len(set(columns["label"])) == 1:
-        del columns["label"]  # written by a tracker, which knows no labels
-    return columns, f"dense point trajectories (Brox): {tracks} tracks in {frames} frames"
+            rows.add(words.line, track, frame, x, y, label)
+    if len(set(rows.columns["label"])) == 1:
+        del rows.columns["label"]  # written by a tracker, which knows no labels
+    return rows, f"dense point trajectories (Brox): {tracks} tracks in {frames} frames"
 
 
-def _equalizer(lines: list[str], name: str) -> tuple[Columns, str]:
+def _equalizer(lines: list[str], name: str) -> tuple[_Rows, str]:
     """A number of points, and for each a name, a colour, a length, and lines frame x y."""
-    columns = _empty()
-    rows = iter([(i, line.strip()) for i, line in enumerate(lines, 1) if line.strip()])
+    rows = _Rows()
+    left = iter([(i, line.strip()) for i, line in enumerate(lines, 1) if line.strip()])
 
     def line(expected: str) -> tuple[int, str]:
-        found = next(rows, None)
+        found = next(left, None)
         if found is None:
             raise DataError(f"{name}: ends where {expected} should stand; export it again")
         return found
@@ -124,13 +129,13 @@ def _equalizer(lines: list[str], name: str) -> tuple[Columns, str]:
             words = text.split()
             if len(words) != 3:
                 raise DataError(f"{name}: line {number}: '{text}'; expected frame x y")
-            _add(columns, f"{place + 1} {point}", *words)
-    return columns, "2-D tracks of 3DEqualizer"
+            rows.add(number, f"{place + 1} {point}", *words)
+    return rows, "2-D tracks of 3DEqualizer"
 
 
-def _mtrackj(lines: list[str], name: str) -> tuple[Columns, str]:
+def _mtrackj(lines: list[str], name: str) -> tuple[_Rows, str]:
     """Lines ``Track number``, and below each ``Point number x y z t channel``."""
-    columns, track = _empty(), 0
+    rows, track = _Rows(), 0
     for number, line in enumerate(lines, 1):
         words = line.split()
         if words[:1] == ["Track"]:
@@ -138,13 +143,13 @@ def _mtrackj(lines: list[str], name: str) -> tuple[Columns, str]:
         elif words[:1] == ["Point"]:
             if len(words) < 6:
                 raise DataError(f"{name}: line {number}: expected Point number x y z t")
-            _add(columns, track, words[5], words[2], words[3])
-    return columns, "tracks of MTrackJ"
+            rows.add(number, track, words[5], words[2], words[3])
+    return rows, "tracks of MTrackJ"
 
 
-def _after_effects(lines: list[str], name: str) -> tuple[Columns, str]:
+def _after_effects(lines: list[str], name: str) -> tuple[_Rows, str]:
     """Blocks of a name, a line ``Frame X pixels Y pixels``, and lines frame x y."""
-    columns, point, is_position = _empty(), "", False
+    rows, point, is_position = _Rows(), "", False
     for number, line in enumerate(lines, 1):
         words = [word.strip() for word in line.split("\t") if word.strip()]
         if line.strip() and not line.startswith("\t"):
@@ -154,25 +159,24 @@ def _after_effects(lines: list[str], name: str) -> tuple[Columns, str]:
         elif is_position and words:
             if len(words) < 3:
                 raise DataError(f"{name}: line {number}: expected frame, x, y")
-            _add(columns, point, *words[:3])
-    return columns, "keyframe data of After Effects: each animated position is a track"
+            rows.add(number, point, *words[:3])
+    return rows, "keyframe data of After Effects: each animated position is a track"
 
 
-def _klt(lines: list[str], name: str) -> tuple[Columns, str]:
+def _klt(lines: list[str], name: str) -> tuple[_Rows, str]:
     """Lines ``feature | (x, y)=value (x, y)=value ...``; a value below 0 is a lost feature."""
-    columns = _empty()
-    for line in lines:
+    rows = _Rows()
+    for number, line in enumerate(lines, 1):
         row = re.match(r"\s*(\d+)\s*\|(.*)", line)
         if row is None:
             continue
-        cells = re.findall(r"\(\s*([^,\s]+)\s*,\s*([^)\s]+)\s*\)\s*=\s*(-?\d+)", row[2])
-        for frame, (x, y, value) in enumerate(cells):
+        for frame, (x, y, value) in enumerate(_CELL.findall(row[2])):
             if int(value) >= 0:
-                _add(columns, row[1], frame, x, y)
-    return columns, "feature table of KLT"
+                rows.add(number, row[1], frame, x, y)
+    return rows, "feature table of KLT"
 
 
-_READERS: dict[str, Callable[[list[str], str], tuple[Columns, str]]] = {
+_READERS: dict[str, Callable[[list[str], str], tuple[_Rows, str]]] = {
     "brox": _brox,
     "equalizer": _equalizer,
     "mtrackj": _mtrackj,
