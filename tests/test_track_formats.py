@@ -146,6 +146,13 @@ def test_labelled_pictures_of_deeplabcut(points: Floats, tmp_path: Path) -> None
     np.testing.assert_allclose(datasets.read(tmp_path / "t.csv").tracks.points, points)
 
 
+def test_half_a_point_of_deeplabcut_is_said(tmp_path: Path) -> None:
+    text = "scorer,me,me,me,me\nbodyparts,a,a,b,b\ncoords,x,y,x,likelihood\n0,1,2,3,4\n1,1,2,3,4\n"
+    (tmp_path / "t.csv").write_text(text)
+    with pytest.raises(DataError, match="b has x without y"):
+        datasets.read(tmp_path / "t.csv")
+
+
 # --- texts in blocks ------------------------------------------------------------------------------
 
 

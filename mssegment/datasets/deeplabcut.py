@@ -15,6 +15,7 @@ from mssegment.datasets.base import (
 from mssegment.datasets.containers import InputFile, Variables
 from mssegment.datasets.tables import STACKED, Table
 from mssegment.datasets.track_columns import LIKELY
+from mssegment.errors import DataError
 from mssegment.records import Tracks
 
 
@@ -32,6 +33,10 @@ def read(file: InputFile) -> ImportedTracks:
     table = file.variables
     assert isinstance(table, Table)
     parts = [name.rpartition(STACKED)[0] for name in table if name.endswith(f"{STACKED}x")]
+    alone = next((part for part in parts if f"{part}{STACKED}y" not in table), None)
+    if alone is not None:
+        name = alone.replace(STACKED, " ")
+        raise DataError(f"{file.name}: {name} has x without y; export the table again")
     points = np.stack(
         [
             np.stack([table.numbers(f"{part}{STACKED}{axis}") for axis in "xy"], axis=-1)
