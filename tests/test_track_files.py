@@ -75,6 +75,11 @@ MATCHES: dict[str, Callable[[Floats], str | bytes]] = {
     "kornia": lambda p: table(p, "mkpts0_x,mkpts0_y,mkpts1_x,mkpts1_y"),
     "left and right": lambda p: table(p, "x_left,y_left,x_right,y_right"),
     "units": lambda p: table(p, "X1 [px],Y1 [px],X2 [px],Y2 [px]"),
+    "primes": lambda p: table(p, "x,y,x',y'"),
+    "new": lambda p: table(p, "x,y,x_new,y_new"),
+    "x and x2": lambda p: table(p, "x,y,x2,y2"),
+    "times": lambda p: table(p, "x_t0,y_t0,x_t1,y_t1"),
+    "previous": lambda p: table(p, "prev_x,prev_y,curr_x,curr_y"),
     "trailing separator": lambda p: table(p, "x1,y1,x2,y2").replace("\n", ",\n"),
 }  # fmt: skip
 
@@ -105,6 +110,8 @@ SIGHTINGS = {
     "boxes": ("frame,id,left,top,width,height", "{f},{p},{x},{y},0,0"),
     "two corners": ("frame,id,x1,y1,x2,y2", "{f},{p},{x},{y},{x},{y}"),
     "no header": ("", "{f},{p},{x},{y}"),
+    "other names": ("trackNumber,Frame #,coord_x,coord_y", "{p},{f},{x},{y}"),
+    "names, decimal commas": ("y\timage\tobj\tx", "{y}\timg_{f}.png\tobj {p}\t{x}"),
     "large ids": ("track,frame,x,y", "900719925474099300{p},{f},{x},{y}"),
 }
 
@@ -112,7 +119,10 @@ SIGHTINGS = {
 @pytest.mark.parametrize("dialect", SIGHTINGS)
 def test_sightings_in_every_dialect(points: Floats, tmp_path: Path, dialect: str) -> None:
     path = tmp_path / "tracks.csv"
-    path.write_text(sightings(points, *SIGHTINGS[dialect]))
+    text = sightings(points, *SIGHTINGS[dialect])
+    if "commas" in dialect:
+        text = text.replace(".png", "_png").replace(".", ",").replace("_png", ".png")
+    path.write_text(text)
     found = datasets.read(path)
     np.testing.assert_allclose(found.tracks.points, points)
     assert found.tracks.labels is None

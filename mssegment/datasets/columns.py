@@ -14,15 +14,15 @@ def _names(text: str) -> tuple[str, ...]:
 
 
 TRACK = _names(
-    "track track_id trackid track_nr track_no particle particle_id object_id obj_id "
+    "track track_id track_nr track_no track_number particle particle_id object_id obj_id "
     "trajectory trajectory_id traj traj_id tracklet tracklet_id target_id point_id "
     "keypoint_id feature_id landmark_id marker_id person_id pedestrian_id ped_id vehicle_id "
     "agent_id animal_id trk_id tid id track_label spot_track_id cell_id track_n point object "
-    "marker feature"
+    "obj marker feature label_id"
 )
 """Names of the column that identifies a track, the most telling first."""
 FRAME = _names(
-    "frame frame_id frameid frame_number frame_no frame_nr frame_idx frame_index framenum "
+    "frame frame_id frame_number frame_no frame_nr frame_idx frame_index framenum "
     "frame_nb frame_n fnum image_id image image_name image_file filename file_name file slice "
     "slice_n slice_no slice_number view t time timestamp stamp "
     "time_stamp position_t pos_t"
@@ -30,11 +30,11 @@ FRAME = _names(
 """Names of the column that identifies a frame: its number, its file, or its time."""
 X = _names(
     "x x_px px pos_x position_x x_position x_pos xpos point_x center_x x_center x_centre "
-    "centre_x centroid_x x_centroid cx xc u col column"
+    "centre_x centroid_x x_centroid coord_x x_coord coordinate_x x_coordinate cx xc u col column"
 )
 Y = _names(
     "y y_px py pos_y position_y y_position y_pos ypos point_y center_y y_center y_centre "
-    "centre_y centroid_y y_centroid cy yc v row"
+    "centre_y centroid_y y_centroid coord_y y_coord coordinate_y y_coordinate cy yc v row"
 )
 LEFT = _names("left bb_left bbox_left x_min xmin x0 x1 bbox_x bbox_x1 box_x")
 TOP = _names("top bb_top bbox_top y_min ymin y0 y1 bbox_y bbox_y1 box_y")
@@ -53,23 +53,28 @@ _AXES = {"x": "x", "u": "x", "y": "y", "v": "y"}
 _ORDERED = [
     pair.split("/")
     for pair in _names(
-        "a/b l/r left/right src/dst source/target ref/tgt query/train from/to prev/next old/new"
+        "a/b l/r left/right src/dst source/target ref/tgt query/train from/to prev/next old/new "
+        "prev/curr previous/current before/after first/second start/end"
     )
 ]
-_AXIS_FIRST = re.compile(r"(?:\w*_)?([xyuv])_?(\d+|[a-z]+)")
+_AXIS_FIRST = re.compile(r"(?:\w*_)?([xyuv])_?(\d+|[a-z]+|_t\d+)")
 _VIEW_FIRST = re.compile(r"(?:[a-z_]*?_?)(\d+|[a-z]+)_?([xyuv])")
+_SECOND = ("prime", "new", "next", "2", "dst", "target", "warped", "moved", "proj", "after")
+"""Views beside one without a name, as in ``x,y,x_new,y_new`` or ``x,y,x',y'``."""
 
 
 @lru_cache(maxsize=1024)
 def plain(name: str) -> str:
     """A name in lower case with single underscores instead of blanks, units and punctuation."""
-    without_unit = re.sub(r"\s*[\[(].*?[\])]", "", name.strip().lower())
+    without_unit = re.sub(r"\s*[\[(].*?[\])]", "", name.strip().lower().replace("'", "_prime"))
     return re.sub(r"[^a-z0-9]+", "_", without_unit).strip("_")
 
 
 def first_of(names: Iterable[str], wanted: Iterable[str]) -> str | None:
     """The first of ``wanted`` that is among ``names``, as it is written there; None if none is."""
-    known = {plain(name): name for name in reversed(list(names))}
+    # camelCase is in lower case here, so words are not parted
+    known = {plain(name).replace("_", ""): name for name in reversed(list(names))}
+    wanted = (name.replace("_", "") for name in wanted)
     return next((known[name] for name in wanted if name in known), None)
 
 
@@ -92,6 +97,7 @@ def views_of(names: Iterable[str]) -> list[tuple[str, str]]:
         if place is not None:
             found.setdefault(place[0], {}).setdefault(place[1], name)
     views = {view: axes for view, axes in found.items() if len(axes) == 2}
+    views = _with_first(views)
     numbers = sorted((view for view in views if view.isdecimal()), key=int)
     words = [view for view in views if not view.isdecimal()]
     order = (
@@ -100,11 +106,23 @@ def views_of(names: Iterable[str]) -> list[tuple[str, str]]:
     return [(views[view]["x"], views[view]["y"]) for view in order]
 
 
+def _with_first(views: dict[str, dict[str, str]]) -> dict[str, dict[str, str]]:
+    """The views with one that has no name as the first: ``x,y,x2,y2`` or ``x,y,x_new,y_new``."""
+    others = {name: axes for name, axes in views.items() if name}
+    if "" not in views or {"0", "1"} & set(others):
+        return others
+    if len(others) == 1 and next(iter(others)) in _SECOND:
+        return {"1": views[""], "2": next(iter(others.values()))}
+    return {"1": views[""], **others} if "2" in others else others
+
+
 def _view_and_axis(name: str) -> tuple[str, str] | None:
     if len(name) > LONGEST:
         return None
+    if name in _AXES:
+        return "", _AXES[name]
     if match := _AXIS_FIRST.fullmatch(name):
-        return match[2], _AXES[match[1]]
+        return match[2].removeprefix("_t"), _AXES[match[1]]
     if match := _VIEW_FIRST.fullmatch(name):
         return match[1], _AXES[match[2]]
     return None

@@ -214,7 +214,9 @@ def _separator(lines: Sequence[str]) -> str:
     """The separator that parts most sampled lines into the same number of fields, all numbers."""
     sample = list(islice(lines, _SAMPLE))
     best, most = ",", (-1.0, -1)
-    for separator in _SEPARATORS:
+    # beside tabs and semicolons, commas are those of numbers
+    certain = [own for own in "\t;" if sample and all(own in line for line in sample)]
+    for separator in certain or _SEPARATORS:
         rows = [
             line.split() if separator == " " else next(_parsed([line], separator), [])
             for line in sample
