@@ -214,8 +214,8 @@ def _separator(lines: Sequence[str]) -> str:
     """The separator that parts most sampled lines into the same number of fields, all numbers."""
     sample = list(islice(lines, _SAMPLE))
     best, most = ",", (-1.0, -1)
-    # beside tabs and semicolons, commas are those of numbers
-    certain = [own for own in "\t;" if sample and all(own in line for line in sample)]
+    # beside tabs, semicolons and bars, commas are those of numbers
+    certain = [own for own in "\t;|" if sample and all(own in line for line in sample)]
     for separator in certain or _SEPARATORS:
         rows = [
             line.split() if separator == " " else next(_parsed([line], separator), [])
