@@ -399,7 +399,7 @@ def test_something_unforeseen_has_its_own_status(
 ) -> None:
     import mssegment.pipeline
 
-    def broken(path: str) -> Any:
+    def broken(path: str, source: object = None) -> Any:
         raise RuntimeError("the roof is leaking")
 
     monkeypatch.setattr(mssegment.pipeline, "import_tracks", broken)
