@@ -60,8 +60,8 @@ class Shape(Record, frozen=True):
 class ShapedFrame(Record, frozen=True):
     """The shapes of one frame in the order of the file, and what it calls the frame.
 
-    Width and height are 0 where the file does not state them. Of ``is_relative`` frames the
-    outlines are in units of the picture.
+    Width and height do not count where the file does not state them, as ``has_size`` says. Of
+    ``is_relative`` frames the outlines are in units of the picture.
     """
 
     name: str
@@ -69,6 +69,7 @@ class ShapedFrame(Record, frozen=True):
     width: int
     height: int
     shapes: tuple[Shape, ...]
+    has_size: bool = True
     is_relative: bool = False
 
 
@@ -173,7 +174,7 @@ def numbered(
 
 def _sized(frame: ShapedFrame, size_of: Callable[[str], tuple[int, int]]) -> ShapedFrame:
     """The frame with its size, and outlines in pixels."""
-    if frame.width and frame.height:
+    if frame.has_size:
         return frame
     width, height = size_of(frame.name)
     shapes = frame.shapes

@@ -55,7 +55,7 @@ def read(tree: Tree, path: str) -> tuple[list[ShapedFrame], list[str]]:
             shapes.append(Shape((label, count[label]), label, (outline,)))
             count[label] += 1
         if shapes:
-            frames.append(ShapedFrame(name, None, 0, 0, tuple(shapes)))
+            frames.append(ShapedFrame(name, None, 0, 0, tuple(shapes), has_size=False))
     notes = [f"{path}: {number} {kind}s left out" for kind, number in left_out.items()]
     return frames, notes
 

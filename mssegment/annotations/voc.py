@@ -43,7 +43,9 @@ def read(tree: Tree, path: str) -> tuple[list[ShapedFrame], list[str]]:
         raise DataError(f"{path}: damaged labels of VOC ({error}); export them again") from None
     name = tree.findtext("filename") or path
     notes = [f"{path}: {boxes} boxes, which are more than their objects"] if boxes else []
-    return [ShapedFrame(name, None, size[0], size[1], tuple(shapes))], notes
+    return [
+        ShapedFrame(name, None, *size, tuple(shapes), has_size=tree.find("size") is not None)
+    ], notes
 
 
 def _box(element: Element) -> Floats:

@@ -55,7 +55,7 @@ def read(tree: Tree, path: str) -> tuple[list[ShapedFrame], list[str]]:
         shapes.append(Shape((name, count[name]), name, (outline,)))
         count[name] += 1
     notes = [f"{path}: {boxes} boxes, which are more than their objects"] if boxes else []
-    return [ShapedFrame(path, None, 0, 0, tuple(shapes), is_relative=True)], notes
+    return [ShapedFrame(path, None, 0, 0, tuple(shapes), has_size=False, is_relative=True)], notes
 
 
 YOLO = ShapeFormat("yolo", "YOLO text", recognises, read)
