@@ -44,7 +44,9 @@ def read(tree: Tree, path: str) -> tuple[list[ShapedFrame], list[str]]:
     name = tree.findtext("filename") or path
     notes = [f"{path}: {boxes} boxes, which are more than their objects"] if boxes else []
     return [
-        ShapedFrame(name, None, *size, tuple(shapes), has_size=tree.find("size") is not None)
+        ShapedFrame(
+            name, None, size[0], size[1], tuple(shapes), has_size=tree.find("size") is not None
+        )
     ], notes
 
 
