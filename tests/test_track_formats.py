@@ -96,6 +96,14 @@ def test_tables(points: Floats, tmp_path: Path, kind: str) -> None:
     np.testing.assert_allclose(found, points, atol=1e-9)
 
 
+def test_a_size_beside_x_and_y_is_said(points: Floats, tmp_path: Path) -> None:
+    names = "frame,id,x,y,width,height"
+    (tmp_path / "t.csv").write_text(lines(points, "{f},{p},{x},{y},10,20", names))
+    found = datasets.read(tmp_path / "t.csv")
+    np.testing.assert_allclose(found.tracks.points, points)
+    assert any("not as the corner of a box" in note for note in found.notes)
+
+
 def test_columns_of_one_name_that_differ_are_refused(tmp_path: Path) -> None:
     (tmp_path / "t.csv").write_text("track,frame,x,y,x\n0,0,1,2,3\n0,1,1,2,4\n")
     with pytest.raises(DataError, match="two columns have the same name 'x'"):

@@ -16,7 +16,7 @@ from mssegment.datasets.base import (
     size_that_holds,
     unseen,
 )
-from mssegment.datasets.columns import LABEL, Sightings, first_of, sightings_of
+from mssegment.datasets.columns import HEIGHT, LABEL, WIDTH, Sightings, first_of, sightings_of
 from mssegment.datasets.containers import InputFile, Variables
 from mssegment.datasets.matches import is_sighting_like
 from mssegment.datasets.tables import Table, is_missing, number_of
@@ -87,11 +87,20 @@ def read_sightings(table: Table, file: InputFile) -> ImportedTracks:
             *notes,
             *dropped,
             *hidden_notes,
+            *_box_note(table, columns),
             *frame_notes,
             *label_notes,
             *ignored_columns(table, used),
         ),
     )
+
+
+def _box_note(table: Table, columns: Sightings) -> tuple[str, ...]:
+    """A note on x, y beside a size, which some programs mean as the corner of a box."""
+    has_size = first_of(table, WIDTH) is not None and first_of(table, HEIGHT) is not None
+    if not has_size or (columns.x, columns.y) != (("x",), ("y",)):
+        return ()
+    return ("x, y are taken as they stand, and not as the corner of a box of width and height",)
 
 
 def _named(table: Table) -> Table:
