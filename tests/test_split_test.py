@@ -96,3 +96,18 @@ def test_two_bodies_predict_two_bodies_better_than_one_and_halves_do_not(frames:
     assert test.rigid_evidence(bodies[1], bodies[0]) == pytest.approx(evidence, rel=1e-6)
     for own in bodies:
         assert test.rigid_evidence(*halves_of(points, own)) < 0.2 * evidence
+
+
+@pytest.mark.parametrize("frames", [5, 20])
+def test_drift_is_no_evidence_for_two_bodies_over_few_frames_either(frames: int) -> None:
+    evidence = []
+    for seed in range(4):
+        rng = np.random.default_rng(seed)
+        points, labels = rigid_bodies(rng, sizes=(120,), frames=frames)
+        place = points.mean(axis=1)
+        x, y = (place - place.mean(axis=0)).T / 60
+        drift = np.column_stack([x**2, x * y]) + rng.normal(0, 0.6, (120, 2))
+        drifting = points + np.linspace(-1, 1, frames)[:, None] * drift[:, None]
+        test = SplitTest(drifting, *pairwise(drifting, labels), single=True)
+        evidence.append(test.rigid_evidence(*halves_of(drifting, np.arange(120))))
+    assert np.mean(evidence) < 3.0

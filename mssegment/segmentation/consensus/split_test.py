@@ -38,7 +38,8 @@ FREEDOM = 5.0
 """Degrees of freedom of the Student t distribution."""
 COMPONENTS = 10
 """Leading principal components of the motion; a body spans 3 with its places, perspective a few
-more."""
+more. (Of few frames these are all, and the misfit of one body is measured in the leading half: in
+all directions together what is correlated cannot be told from noise.)"""
 NOISE_UNIT = 2.0
 """The motion of a track is known to so many standard deviations of the noise."""
 LEAST_SPREAD = 1 / 320
@@ -97,7 +98,8 @@ class SplitTest:
         noise = float(np.median(np.linalg.norm(misfits, axis=1) / np.sqrt(free)))
         size = extent(points)
         self.noise = max(noise, 1e-9 * size)
-        of_motion = (misfits @ self._directions)[:, 2:]
+        leading = min(COMPONENTS, points.shape[1] - 1)
+        of_motion = (misfits @ self._directions)[:, 2 : 2 + leading]
         correlated = float(np.median(np.sqrt((of_motion**2).mean(axis=1))))
         self._systematic = float(np.sqrt(max(correlated**2 - self.noise**2, 0.0)))
         self._resolvable = LEAST_SPREAD * size
