@@ -135,6 +135,24 @@ def distinct(values: npt.ArrayLike) -> Integers:
     return np.asarray(ordered[first])
 
 
+def nan_median(values: Floats, axis: int = 0) -> Floats:
+    """The medians along an axis without NaN, as ``np.nanmedian``; NaN where all are.
+
+    That takes several times as long: it masks, or goes from row to row in Python.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> nan_median(np.array([[4.0, np.nan], [1.0, 3.0], [3.0, 2.0], [2.0, np.nan]])).tolist()
+    [2.5, 2.5]
+    """
+    ordered = np.sort(values, axis=axis)  # NaN last
+    count = np.isfinite(values).sum(axis=axis, keepdims=True)
+    lower, upper = np.maximum(count - 1, 0) // 2, np.minimum(count // 2, values.shape[axis] - 1)
+    both = [np.take_along_axis(ordered, place, axis) for place in (lower, upper)]
+    return np.asarray(np.squeeze(both[0] + both[1], axis) / 2)
+
+
 def median(values: Floats) -> float:
     """The median of all ``values``, as ``np.median``; at least one, all finite.
 

@@ -93,6 +93,16 @@ def test_incomplete_tracks_are_tested_in_windows(rng: np.random.Generator) -> No
     assert np.isnan(log_false_alarms_of_groups(points, few, 8, rng)).all()
 
 
+def test_a_group_that_goes_on_is_not_tested(rng: np.random.Generator) -> None:
+    points, labels = walks(rng, 60, 8), np.repeat([1, 2], 30)
+    moved_before = np.arange(60) < 6
+    found = log_false_alarms_of_groups(points, labels, 8, rng, moved_before)
+    assert np.isnan(found[0])
+    assert found[1] >= LIMIT
+    moved_before[0] = False
+    assert np.isfinite(log_false_alarms_of_groups(points, labels, 8, rng, moved_before)).all()
+
+
 @pytest.mark.parametrize("turned", [turned_paths, turned_steps])
 def test_surrogates_start_and_move_as_the_tracks_do(turned, rng: np.random.Generator) -> None:
     points = walks(rng, 20, 6)

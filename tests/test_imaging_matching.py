@@ -14,6 +14,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mssegment.errors import ConfigurationError, DataError, UsageError
+from mssegment.imaging import corners as corners_module
 from mssegment.imaging import pyramid
 from mssegment.imaging.corners import detect, detect_all, harris, select_apart
 from mssegment.imaging.frames import open_frames
@@ -429,6 +430,7 @@ def test_large_pictures_in_strips_are_what_they_are_whole(
     corners = detect(grey, levels=3, limit=400)
     whole = harris(grey), dominant_directions(with_pyramid(grey, corners))
     monkeypatch.setattr(pyramid, "STRIP_PIXELS", 97 * 23)
+    monkeypatch.setattr(corners_module, "HARRIS_PIXELS", 97 * 23)
     assert len(list(pyramid.strips(grey.shape, 9))) == 7
     np.testing.assert_array_equal(harris(grey), whole[0])
     for strip, expected in zip(

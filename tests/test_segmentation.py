@@ -10,7 +10,7 @@ from benchmarks.scenes import CAMERA, HEIGHT, SETUPS, WIDTH, generate, oracle
 from mssegment import models
 from mssegment.errors import DataError, UsageError
 from mssegment.evaluation import misclassification
-from mssegment.preprocessing.background import find_background
+from mssegment.preprocessing.background import camera_path, find_background, path_of_background
 from mssegment.records import BACKGROUND, NOT_JUDGED, replace
 from mssegment.segmentation import SELECTIONS
 from mssegment.segmentation.dominant_modes.choice import largest_gap
@@ -169,6 +169,22 @@ def test_static_tracks_before_a_static_camera_are_background(shake, rng):
     assert (found.status[:100] == BACKGROUND).all()
     assert (found.status[100:] == 0).all()
     assert found.notes
+
+
+@pytest.mark.parametrize("shake", [0.0, 1.2])
+def test_what_was_background_before_shows_the_shake(shake, rng):
+    points = static_scene(rng, 100, 60, shake) + rng.normal(0.0, 0.1, (160, 3, 2))
+    earlier = np.arange(160) < 50
+    found = find_background(points, frame_size=SIZE, earlier=earlier)
+    np.testing.assert_array_equal(found.status, find_background(points, frame_size=SIZE).status)
+    path = path_of_background(points[earlier], max_shake=4.0)
+    np.testing.assert_allclose(path, camera_path(points, max_shake=4.0), atol=0.1)
+
+
+def test_what_was_background_before_says_nothing_once_the_camera_moves(rng):
+    points = static_scene(rng, 100, 0) + np.arange(3)[:, None] * [15.0, 0.0]
+    assert path_of_background(points, max_shake=4.0) is None
+    assert path_of_background(points[:5] * 0, max_shake=4.0) is None
 
 
 def test_a_moving_camera_has_no_background(rng):

@@ -32,6 +32,7 @@ from mssegment.history import entry_of
 from mssegment.imaging.corners import DISTANCE_SEQUENCE, LIMIT_SEQUENCE, QUALITY, detect
 from mssegment.imaging.pictures import white_level
 from mssegment.imaging.streams import Clip, grey_bytes, in_background
+from mssegment.imaging.threads import threads_beside
 from mssegment.imaging.tracking import FramePoints, StreamTracker, TrackerState
 from mssegment.progress import listening, report
 from mssegment.records import BACKGROUND, Floats, Frame, Motion, Record, replace
@@ -73,13 +74,14 @@ def process(
         If a frame cannot be read.
     """
     store = ClipStore(folder)
-    worker = _Worker(store, configuration, store.read_state(), on_window)
-    try:
-        count = _track(clip, configuration, worker)
-        worker.finish()
-    except BaseException:
-        worker.stop()
-        raise
+    with threads_beside(2):
+        worker = _Worker(store, configuration, store.read_state(), on_window)
+        try:
+            count = _track(clip, configuration, worker)
+            worker.finish()
+        except BaseException:
+            worker.stop()
+            raise
     document = _summary(clip, configuration, store, worker, count)
     store.write_clip(document)
     return document
@@ -234,15 +236,18 @@ class _Worker:
             self._one(window)
 
     def _one(self, window: FullWindow) -> None:
+        if self._identities is None:
+            frame = window.frames[0]
+            self._identities = IdentityTracker((frame.width, frame.height))
+        earlier_background = np.isin(window.tracks, self._background)
+        seen_before = self._identities.history.usual(window.tracks) >= STATIC_WORLD
         found = segment_window(
             window.points,
             window.frames,
             self._configuration,
-            earlier_background=np.isin(window.tracks, self._background),
+            earlier_background=earlier_background,
+            moved_before=seen_before & ~earlier_background,
         )
-        if self._identities is None:
-            frame = window.frames[0]
-            self._identities = IdentityTracker((frame.width, frame.height))
         found = _separated(window, found, self._identities)
         joined = self._identities.add(_labels(window, found))
         self._background = window.tracks[found.labels == BACKGROUND]

@@ -10,7 +10,7 @@ import numpy.typing as npt
 from mssegment import pipeline
 from mssegment.blas import with_one_thread
 from mssegment.configuration import Configuration
-from mssegment.documents import SegmentationDocument, TracksDocument
+from mssegment.documents import TracksDocument
 from mssegment.errors import DataError
 from mssegment.history import entry_of
 from mssegment.models import Flags
@@ -72,6 +72,7 @@ def segment_window(
     configuration: Configuration,
     *,
     earlier_background: npt.NDArray[np.bool_],
+    moved_before: npt.NDArray[np.bool_] | None = None,
     camera: Camera | None = None,
 ) -> SegmentedWindow:
     """Segment the tracks of one window like a clip of its length.
@@ -86,6 +87,8 @@ def segment_window(
         The settings.
     earlier_background : ndarray [P] of bool
         Tracks that were background in the window before.
+    moved_before : ndarray [P] of bool, optional
+        Tracks that have moved with a motion in earlier windows.
     camera : Camera, optional
         The camera of the tracks, where the configuration has none.
 
@@ -104,7 +107,13 @@ def segment_window(
         history=[entry_of("detect", configuration)],
     )
     try:
-        found = _segment(document, configuration, earlier_background[long_enough])
+        drawn = pipeline.hypothesize(document, configuration, earlier_background[long_enough])
+        found = pipeline.cluster(
+            drawn,
+            configuration,
+            with_modes=False,
+            moved_before=None if moved_before is None else moved_before[long_enough],
+        )
     except DataError as error:
         return SegmentedWindow(labels, visible, notes=(f"no motions: {error}",))
     labels[long_enough] = found.labels
@@ -144,10 +153,3 @@ def _motions(motions: Sequence[Motion], labels: Integers, objects: Integers) -> 
         motion = motions[largest - 1]
         found.append(replace(motion, label=number, inliers=np.flatnonzero(objects == number)))
     return tuple(found)
-
-
-def _segment(
-    document: TracksDocument, configuration: Configuration, earlier: npt.NDArray[np.bool_]
-) -> SegmentationDocument:
-    drawn = pipeline.hypothesize(document, configuration, earlier)
-    return pipeline.cluster(drawn, configuration, with_modes=False)

@@ -33,6 +33,8 @@ INTEGRATION_SIGMA = 1.0
 """Pixels; the Gaussian over which the products of gradients are summed."""
 HARRIS_MARGIN = 8
 """Rows around a strip that are enough for its response: 1 of the gradient and 4 of the Gaussian."""
+HARRIS_PIXELS = 2**16
+"""Pixels of a strip; an array of them takes a quarter of a megabyte."""
 MAXIMA_WINDOW = 5
 """Side in pixels of the window in which a corner is the maximum."""
 LEVELS_TWO_VIEWS = 4
@@ -166,11 +168,11 @@ def detect_all(
 def harris(grey: GreyPicture) -> npt.NDArray[np.float32]:
     """The Harris response det(M) - k tr(M)**2 of every pixel, [height, width].
 
-    M is the matrix of products of gradients, smoothed by a Gaussian of sigma 1 pixel. Large
-    pictures are worked on in strips, which bounds the memory.
+    M is the matrix of products of gradients, smoothed by a Gaussian of sigma 1 pixel. Pictures are
+    worked on in strips, whose arrays stay in the cache: that is twice as fast.
     """
     response = np.empty(grey.shape, np.float32)
-    for rows, around, inside in strips(grey.shape, HARRIS_MARGIN):
+    for rows, around, inside in strips(grey.shape, HARRIS_MARGIN, HARRIS_PIXELS):
         response[rows] = _harris(grey[around])[inside]
     return response
 
@@ -225,12 +227,14 @@ def _local_maxima(
 ) -> tuple[npt.NDArray[np.intp], npt.NDArray[np.intp]]:
     """Rows and columns of the maxima over 5 x 5 pixels that are above ``quality`` and rounding."""
     window = np.ones((MAXIMA_WINDOW, MAXIMA_WINDOW), np.uint8)
-    peaks = (response == cv2.dilate(response, window)) & (response > quality * _strong(response))
-    peaks &= response > NO_TEXTURE
+    largest = np.asarray(cv2.dilate(response, window))
+    candidates = response > max(quality * _strong(response), NO_TEXTURE)
     border = MAXIMA_WINDOW // 2
-    peaks[:border] = peaks[-border:] = False
-    peaks[:, :border] = peaks[:, -border:] = False
-    return np.divmod(np.flatnonzero(peaks), peaks.shape[1])  # np.nonzero is slow in 2-D
+    candidates[:border] = candidates[-border:] = False
+    candidates[:, :border] = candidates[:, -border:] = False
+    places = np.flatnonzero(candidates)  # np.nonzero is slow in 2-D
+    places = places[response.ravel()[places] == largest.ravel()[places]]
+    return np.divmod(places, response.shape[1])
 
 
 def _strong(response: npt.NDArray[np.float32]) -> float:
@@ -238,13 +242,16 @@ def _strong(response: npt.NDArray[np.float32]) -> float:
 
     A burnt-in time stamp or a hot pixel must not hide a scene of low contrast.
     """
-    tiles = [
-        float(tile.max())
-        for rows in np.array_split(response, min(TILES, response.shape[0]))
-        for tile in np.array_split(rows, min(TILES, response.shape[1]), axis=1)
-    ]
-    usual = float(quantile(np.array(tiles), QUANTILE_OF_TILES))
-    return min(max(tiles, default=0.0), MAX_ABOVE_USUAL * max(usual, NO_TEXTURE))
+    rows, columns = (_starts(size, min(TILES, size)) for size in response.shape)
+    tiles = np.maximum.reduceat(np.maximum.reduceat(response, rows, axis=0), columns, axis=1)
+    usual = float(quantile(tiles.ravel().astype(np.float64), QUANTILE_OF_TILES))
+    return min(float(tiles.max()), MAX_ABOVE_USUAL * max(usual, NO_TEXTURE))
+
+
+def _starts(size: int, parts: int) -> npt.NDArray[np.intp]:
+    """Where the parts of a range begin, the larger ones first, as of ``numpy.array_split``."""
+    part = np.arange(parts)
+    return part * (size // parts) + np.minimum(part, size % parts)
 
 
 def _rank_in_cell(cells: npt.NDArray[np.floating]) -> npt.NDArray[np.intp]:

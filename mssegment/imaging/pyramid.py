@@ -47,14 +47,18 @@ class Level(Record, frozen=True):
         return np.asarray((points + 0.5) / self.ratio - 0.5)
 
 
-def strips(shape: tuple[int, ...], margin: int) -> Iterator[tuple[slice, slice, slice]]:
+def strips(
+    shape: tuple[int, ...], margin: int, pixels: int | None = None
+) -> Iterator[tuple[slice, slice, slice]]:
     """Rows of a large picture at a time, so that what is computed from them needs little memory.
 
     Yields the rows of each strip; the rows around it, with a margin that a filter needs; and where
-    the strip lies among these. A picture of up to ``STRIP_PIXELS`` is one strip.
+    the strip lies among these. A picture of up to ``pixels``, by
+    default ``STRIP_PIXELS``, is one strip.
     """
+    pixels = pixels or STRIP_PIXELS
     height, width = shape
-    rows = height if height * width <= STRIP_PIXELS else max(1, STRIP_PIXELS // width)
+    rows = height if height * width <= pixels else max(1, pixels // width)
     for start in range(0, height, rows):
         stop = min(start + rows, height)
         low, high = max(start - margin, 0), min(stop + margin, height)

@@ -21,3 +21,17 @@ def threads_for(frames: int) -> Iterator[None]:
         yield
     finally:
         cv2.setNumThreads(usual)
+
+
+@contextmanager
+def threads_beside(busy: int) -> Iterator[None]:
+    """Within the context OpenCV leaves a core to each of so many other threads that are ``busy``.
+
+    Where all cores are busy, its threads only wait for each other, spinning.
+    """
+    usual = cv2.getNumThreads()
+    cv2.setNumThreads(max(1, usual - busy))
+    try:
+        yield
+    finally:
+        cv2.setNumThreads(usual)

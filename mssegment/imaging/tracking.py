@@ -149,9 +149,9 @@ class StreamTracker:
         return found
 
 
-SAMPLED_FOR_CHANGE = 200
-"""Tracks along which the change of the brightness is measured: the median of so many has a tenth of
-the error of a single one."""
+SAMPLED_FOR_CHANGE = 100
+"""Tracks along which the change of the brightness is measured: the median of so many has an eighth
+of the error of a single one."""
 
 
 def dense_tracks(frames: Sequence[FramePoints]) -> tuple[Integers, Floats]:

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import numpy as np
+import numpy.typing as npt
+
 from mssegment.blas import with_one_thread
 from mssegment.configuration import Configuration
 from mssegment.documents import HypothesesDocument, SegmentationDocument
@@ -21,6 +24,7 @@ def cluster(
     configuration: Configuration,
     threads: int = 1,
     with_modes: bool = True,
+    moved_before: npt.NDArray[np.bool_] | None = None,
 ) -> SegmentationDocument:
     """Stage 4: find modes, motions and labels, with the strategy of the document.
 
@@ -34,6 +38,9 @@ def cluster(
         Number of threads of mean shift.
     with_modes : bool
         Whether consensus looks for the mode of each motion, on which its labels do not depend.
+    moved_before : ndarray [P] of bool, optional
+        Tracks that moved with a motion in the frames before, where this is a window of a sequence:
+        consensus does not test whether a motion that goes on is one.
 
     Returns
     -------
@@ -74,6 +81,7 @@ def cluster(
         options=segment_options_of(configuration, threads),
         rng=random_stream("cluster", configuration),
         with_modes=with_modes,
+        moved_before=moved_before,
     )
     return _segmentation(document, _with_camera(found, document, configuration), configuration)
 

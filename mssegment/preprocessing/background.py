@@ -124,7 +124,10 @@ def find_background(
     if remove is False or len(points) == 0:
         return Background(status)
     bandwidth = BANDWIDTH if min_displacement == "auto" else min(BANDWIDTH, min_displacement)
-    path = camera_path(points, MAX_SHAKE * _extent(points, frame_size), bandwidth)
+    max_shake = MAX_SHAKE * _extent(points, frame_size)
+    path = None if earlier is None else path_of_background(points[earlier], max_shake)
+    if path is None:
+        path = camera_path(points, max_shake, bandwidth)
     distance = distances(points, path)
     limits = _Limits.of_matches(points, distance) if points.shape[1] == 2 else _Limits()
     if min_displacement == "auto":
@@ -262,6 +265,27 @@ def camera_path(points: Floats, max_shake: float, bandwidth: float = BANDWIDTH) 
         moved = points[sample, frame] - points[sample, first[sample]] + path[first[sample]]
         small = moved[np.linalg.norm(moved, axis=1) < max_shake]
         path[frame] = densest(small, bandwidth) if len(small) else path[frame - 1]
+    return path
+
+
+def path_of_background(points: Floats, max_shake: float) -> Floats | None:
+    """As ``camera_path``, from tracks [P, F, 2] that were the background in the frames before.
+
+    Most of them still are, so that their median displacement is that of the camera. None where it
+    exceeds ``max_shake``, or where too few of them are visible.
+    """
+    visible = np.asarray(np.isfinite(points).all(axis=2))
+    first = visible.argmax(axis=1)
+    starts = points[np.arange(len(points)), first]
+    path = np.zeros(points.shape[1:])
+    for frame in range(1, len(path)):
+        older = visible[:, frame] & (first < frame)
+        if older.sum() < LEAST_EARLIER:
+            return None
+        moved = points[older, frame] - starts[older] + path[first[older]]
+        path[frame] = median(moved[:, 0]), median(moved[:, 1])
+        if np.linalg.norm(path[frame]) >= max_shake:
+            return None
     return path
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from mssegment.errors import DataError, UsageError
+from mssegment.models import Flags
 from mssegment.records import OUTLIER, ClusterResult, Floats, Hypotheses, Integers
 from mssegment.registry import SELECTIONS
 from mssegment.segmentation.in_pixels import with_pixels
@@ -25,6 +26,7 @@ def cluster(
     options: SegmentOptions = DEFAULTS,
     rng: np.random.Generator,
     with_modes: bool = True,
+    moved_before: Flags | None = None,
 ) -> ClusterResult:
     """Segment tracks by hypotheses, with the strategy that these were drawn for.
 
@@ -43,6 +45,9 @@ def cluster(
         Source of random numbers.
     with_modes : bool
         Whether consensus looks for the mode of each motion, on which its labels do not depend.
+    moved_before : ndarray [P] of bool, optional
+        Tracks that moved with a motion in the frames before, where this is a window of a sequence:
+        consensus does not test whether a motion that goes on is one.
 
     Returns
     -------
@@ -88,6 +93,7 @@ def cluster(
             options=options,
             rng=rng,
             with_modes=with_modes,
+            moved_before=moved_before,
         )
         return with_pixels(found, hypotheses.sets, points)
     select: Selection = SELECTIONS[options.selection]

@@ -12,6 +12,7 @@ import numpy as np
 from mssegment.models import Flags
 from mssegment.neighbours import nearest
 from mssegment.records import Floats, Integers, Record
+from mssegment.special import nan_median
 
 LEAST_TRACKS = 3
 """Tracks that say how a group moves from one frame to the next."""
@@ -61,9 +62,9 @@ class BodyFrame(Record, frozen=True):
         places, spread = np.zeros((len(points), 2)), np.full(len(points), np.inf)
         some = number > 0
         own = np.where(seen[..., None], points - path, np.nan)[some]
-        places[some] = np.nanmedian(own, axis=1)
+        places[some] = nan_median(own, axis=1)
         apart = np.linalg.norm(own - places[some][:, None], axis=2)
-        spread[some] = np.nanmedian(apart, axis=1)
+        spread[some] = nan_median(apart, axis=1)
         episodes = np.where(some, episode[middle], -1 - np.arange(len(points)))
         return cls(places, spread, episodes)
 
@@ -113,18 +114,31 @@ def connections(
 
 def _neighbours(places: Floats, rows: Integers) -> Integers:
     """Pairs [k, 2] of the ``rows`` whose places are neighbours: edges of a triangulation."""
+    corners = _triangles(places[rows])
+    if corners is None:
+        edges = np.column_stack(np.triu_indices(len(rows), 1))
+    else:
+        edges = np.concatenate([corners[:, [0, 1]], corners[:, [1, 2]], corners[:, [0, 2]]])
+    return np.unique(np.sort(rows[edges], axis=1), axis=0)
+
+
+def _triangles(places: Floats) -> Integers | None:
+    """The triangles [k, 3] of a Delaunay triangulation; None for few places, or on one line."""
     from scipy.spatial import Delaunay, QhullError
 
-    if len(rows) < 2:
-        return np.zeros((0, 2), dtype=np.int64)
+    if len(places) < 4:
+        return None
     try:
-        if len(rows) < 4:
-            raise QhullError
-        corners = Delaunay(places[rows], qhull_options="QJ Pp").simplices
-        edges = np.concatenate([corners[:, [0, 1]], corners[:, [1, 2]], corners[:, [0, 2]]])
+        return np.asarray(Delaunay(places, qhull_options="QJ Pp").simplices)
     except QhullError:
-        edges = np.column_stack(np.triu_indices(len(rows), 1))
-    return np.unique(np.sort(rows[edges], axis=1), axis=0)
+        return None
+
+
+def _moments(shown: Flags) -> Integers:
+    """Some of the frames that show a track, evenly spread."""
+    frames = np.flatnonzero(shown.any(axis=0))
+    count = min(len(frames), MOMENTS)
+    return np.asarray(frames[np.linspace(0, len(frames) - 1, count).round().astype(int)])
 
 
 def _between(
@@ -133,9 +147,7 @@ def _between(
     """At how many moments each pair is visible together, and at how many with something between."""
     together = np.zeros(len(pairs), dtype=np.int64)
     separated = np.zeros(len(pairs), dtype=np.int64)
-    frames = np.flatnonzero(shown.any(axis=0))
-    count = min(len(frames), MOMENTS)
-    for frame in frames[np.linspace(0, len(frames) - 1, count).round().astype(int)]:
+    for frame in _moments(shown):
         both = np.flatnonzero(shown[pairs[:, 0], frame] & shown[pairs[:, 1], frame])
         here = others[np.isfinite(others[:, frame, 0]), frame]
         together[both] += 1
@@ -155,9 +167,7 @@ def _between(
 def _spacing(points: Floats, shown: Flags) -> float:
     """The typical distance of a track from its third neighbour, in pixels."""
     found = []
-    frames = np.flatnonzero(shown.any(axis=0))
-    count = min(len(frames), MOMENTS)
-    for frame in frames[np.linspace(0, len(frames) - 1, count).round().astype(int)]:
+    for frame in _moments(shown):
         here = points[shown[:, frame], frame]
         if len(here) > SPACING_NEIGHBOUR:
             apart = np.linalg.norm(here[:, None] - here, axis=2)

@@ -50,7 +50,9 @@ class TrackHistory(State):
         found = np.full(len(tracks), -1, dtype=np.int64)
         for row, track in enumerate(tracks.tolist()):
             own = self.windows.get(track)
-            if own:
+            if own and len(own) == 1:
+                (found[row],) = own
+            elif own:
                 found[row] = max(own, key=lambda i: (own[i], i != STATIC_WORLD, -i))
         return found
 

@@ -30,6 +30,7 @@ from mssegment.sequences.history import STATIC_WORLD, TrackHistory, vote_table
 from mssegment.sequences.parts import TRACKED_WINDOW, move_alike
 from mssegment.sequences.reappearance import Sight, reappeared, sight
 from mssegment.sequences.separation import separated
+from mssegment.special import nan_median
 
 Votes = Mapping[int, float]
 
@@ -367,7 +368,7 @@ def _travel(points: Floats) -> float:
     """
     with_next = np.isfinite(points[:, 1:, 0]) & np.isfinite(points[:, :-1, 0])
     frames = np.flatnonzero(with_next.any(axis=0))
-    steps = np.nanmedian(points[:, frames + 1] - points[:, frames], axis=0)
+    steps = nan_median(points[:, frames + 1] - points[:, frames], axis=0)
     return float(np.linalg.norm(steps.sum(axis=0))) if len(frames) else 0.0
 
 

@@ -14,6 +14,7 @@ from mssegment.models import Flags
 from mssegment.records import OUTLIER, Floats, Integers
 from mssegment.sequences.body_frame import LEAST_TRACKS
 from mssegment.sequences.parts import LEAST_FOR_AFFINE
+from mssegment.special import median
 
 HALF_STEP = 4
 """Frames before and after a frame over which displacements are measured: half of
@@ -96,17 +97,17 @@ def _predicted(places: Floats, moved: Floats, wanted: Floats) -> tuple[Floats, f
 
     The error is the median of what is left of the displacements of the tracks.
     """
-    middle = np.median(moved, axis=0)
+    middle = np.array([median(moved[:, 0]), median(moved[:, 1])])
     residual = np.linalg.norm(moved - middle, axis=1)
     if len(places) < LEAST_FOR_AFFINE:
-        return np.broadcast_to(middle, wanted.shape).copy(), float(np.median(residual))
+        return np.broadcast_to(middle, wanted.shape).copy(), median(residual)
     centre = places.mean(axis=0)
     terms = np.column_stack([places - centre, np.ones(len(places))])
     fitted = np.zeros((3, 2))
     for _ in range(ROUNDS):
-        scale = max(float(np.median(residual)), 1e-6)
+        scale = max(median(residual), 1e-6)
         weight = 1 / (1 + (residual / scale) ** 2)
         fitted = np.linalg.lstsq(terms * weight[:, None], moved * weight[:, None], rcond=None)[0]
         residual = np.linalg.norm(moved - terms @ fitted, axis=1)
     found = np.column_stack([wanted - centre, np.ones(len(wanted))]) @ fitted
-    return np.asarray(found), float(np.median(residual))
+    return np.asarray(found), median(residual)

@@ -16,6 +16,7 @@ from mssegment.models import Flags
 from mssegment.neighbours import nearest
 from mssegment.records import BACKGROUND, OUTLIER, Floats, Integers, by_size
 from mssegment.sequences.body_frame import LEAST_TRACKS, connections
+from mssegment.special import median, nan_median
 
 LARGEST_RELIEF = 1 / 3
 """Largest difference of the velocities of neighbours in an object, relative to their speed. The
@@ -158,16 +159,22 @@ def _incoherence(points: Floats, visible: Flags) -> float:
     if not len(frames):
         return 0.0  # nothing to tell from
     difference = speed = 0.0
-    for frame in frames[np.linspace(0, len(frames) - 1, COMPARED_FRAMES).round().astype(int)]:
+    for frame in _compared(frames):
         here = points[both[:, frame]]
         places, moved = here[:, frame], here[:, frame + step] - here[:, frame]
-        speed += float(np.median(np.linalg.norm(moved, axis=1)))
+        speed += median(np.linalg.norm(moved, axis=1))
         if len(places) >= LEAST_FOR_AFFINE:
             terms = np.column_stack([places - places.mean(axis=0), np.ones(len(places))])
             moved = moved - terms @ np.linalg.lstsq(terms, moved, rcond=None)[0]
         _, near = nearest(places, places, 2)
-        difference += float(np.median(np.linalg.norm(moved - moved[near[:, 1]], axis=1)))
+        difference += median(np.linalg.norm(moved - moved[near[:, 1]], axis=1))
     return difference / speed if speed else 0.0
+
+
+def _compared(frames: Integers) -> Integers:
+    """Some of the frames, evenly spread."""
+    count = min(len(frames), COMPARED_FRAMES)
+    return np.asarray(frames[np.linspace(0, len(frames) - 1, count).round().astype(int)])
 
 
 def _step(frames: int) -> int:
@@ -214,9 +221,9 @@ def _is_border(own: Floats, other: Floats) -> bool:
     frames = np.flatnonzero(known[0] & known[1])
     if not len(frames):
         return False
-    frames = np.unique(frames[np.linspace(0, len(frames) - 1, COMPARED_FRAMES).round().astype(int)])
+    frames = _compared(frames)
     slow, fast = (
-        np.nanmedian(one[:, frames + step] - one[:, frames], axis=0) for one in (own, other)
+        nan_median(one[:, frames + step] - one[:, frames], axis=0) for one in (own, other)
     )
     share = float((slow * fast).sum() / max((fast * fast).sum(), 1e-12))
     left = float(np.linalg.norm(slow - share * fast, axis=1).sum())
@@ -244,7 +251,7 @@ def move_alike(first: Floats, second: Floats) -> bool:
     frames = np.flatnonzero(known[0] & known[1])
     if not len(frames):
         return False
-    velocity = np.stack([np.nanmedian(one[:, frames], axis=0) for one in steps])
+    velocity = np.stack([nan_median(one[:, frames], axis=0) for one in steps])
     # over some frames, since a step is hardly more than the noise where motion is slow
     starts = np.arange(0, len(frames), LONGEST_STEP)
     moved = np.add.reduceat(velocity, starts, axis=1)

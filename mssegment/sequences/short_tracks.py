@@ -62,9 +62,8 @@ def _neighbours(
     Positions and displacements are those between its first and its last frame.
     """
     frames = np.flatnonzero(visible[track])[[0, -1]]
-    others = others[visible[others][:, frames].all(axis=1)]
-    others = others[others != track]
-    own, theirs = points[track, frames], points[others][:, frames]
+    others = others[visible[others, frames[0]] & visible[others, frames[1]] & (others != track)]
+    own, theirs = points[track, frames], points[others[:, None], frames]
     order = np.argsort(np.linalg.norm(theirs - own, axis=2).sum(axis=1), kind="stable")[:NEIGHBOURS]
     moved = np.diff(theirs[order], axis=1)[:, 0] - (own[1] - own[0])
     return others[order], np.asarray(np.linalg.norm(moved, axis=1))

@@ -89,6 +89,7 @@ def cluster_by_consensus(
     motions: int | None = None,
     min_motions: int = 0,
     eligible: Flags | None = None,
+    moved_before: Flags | None = None,
 ) -> Consensus:
     """Group tracks that agree on hypotheses.
 
@@ -106,6 +107,8 @@ def cluster_by_consensus(
         The least number of motions, if their number is not known.
     eligible : ndarray [P] of bool, optional
         Tracks to group; the others, for instance background, are labelled ``OUTLIER``.
+    moved_before : ndarray [P] of bool, optional
+        Tracks that moved with a group in the frames before (``log_false_alarms_of_groups``).
 
     Returns
     -------
@@ -123,9 +126,11 @@ def cluster_by_consensus(
     sets = [one for one in hypotheses.sets if len(one.points) and one.evidence]
     _check_pairs(sets)
     least = motions if motions else max(1, min_motions)
+    # a number of motions that the user gives is a fact
+    drop = not motions and not min_motions
     if hypotheses.partition == "average_linkage":
         found = _cluster_static(points, sets, tracks, (least, motions or len(points)))
-        return without_chance_groups(points, found, rng, drop=not motions and not min_motions)
+        return without_chance_groups(points, found, rng, moved_before, drop=drop)
     bounds = least, motions if motions else max(least, MAX_MOTIONS)
     misfits, coassociations = Misfit(points), CoassociationAccumulator(len(points))
     for one in track(sets, "sets of hypotheses"):
@@ -148,8 +153,7 @@ def cluster_by_consensus(
     labels[grouped] = groups
     drawn, labels = labels, by_size(labels)
     found = Consensus(labels, misfit)
-    # a number of motions that the user gives is a fact
-    found = without_chance_groups(points, found, rng, drop=not motions and not min_motions)
+    found = without_chance_groups(points, found, rng, moved_before, drop=drop)
     if hypotheses.partition == "spectral":
         # afterwards, since what is left of independent tracks is coherent by selection
         found = without_outliers(found, walk_test(points, found.labels, rng))
@@ -157,12 +161,17 @@ def cluster_by_consensus(
 
 
 def without_chance_groups(
-    points: Floats, found: Consensus, rng: np.random.Generator, *, drop: bool
+    points: Floats,
+    found: Consensus,
+    rng: np.random.Generator,
+    moved_before: Flags | None = None,
+    *,
+    drop: bool,
 ) -> Consensus:
     """The groups with their numbers of false alarms; without those by chance if ``drop``."""
     if points.shape[1] < 3:
         return found
-    log_nfa = log_false_alarms_of_groups(points, found.labels, MAX_MOTIONS, rng)
+    log_nfa = log_false_alarms_of_groups(points, found.labels, MAX_MOTIONS, rng, moved_before)
     chance = by_chance(log_nfa, MAX_MOTIONS)
     if not drop or not chance.any():
         return replace(found, log_nfa=_known(log_nfa))

@@ -51,12 +51,19 @@ MOST_TRACKS = 60
 MOVING = 2.0
 """A group moves if the spread of its median track exceeds its noise by this factor: a track that
 stands still has 1.4, the noise of two coordinates."""
+GOES_ON = 6
+"""Tracks that moved with a group in the frames before, from which on the group that they are in now
+goes on: twice the size of an elemental subset."""
 TINY = 1e-12
 """Keeps logarithms finite for exact data, in pixels."""
 
 
 def log_false_alarms_of_groups(
-    points: Floats, labels: Integers, groups: int, rng: np.random.Generator
+    points: Floats,
+    labels: Integers,
+    groups: int,
+    rng: np.random.Generator,
+    moved_before: Flags | None = None,
 ) -> Floats:
     """``log_false_alarms_of_group`` of each group, [m].
 
@@ -72,18 +79,22 @@ def log_false_alarms_of_groups(
         Number of groups that are tested.
     rng : numpy.random.Generator
         Draws the surrogates and the flats.
+    moved_before : ndarray [P] of bool, optional
+        Tracks that moved with a group in the frames before. A group with some of
+        them goes on, and is not tested.
 
     Returns
     -------
     ndarray [m]
-        Nats; NaN where neither all frames nor a window show tracks enough of the group.
+        Nats; NaN where neither all frames nor a window show tracks enough of the group, and for
+        those that go on.
     """
-    return np.array(
-        [
-            _in_windows(points[labels == label], groups, rng)
-            for label in range(1, int(labels.max(initial=0)) + 1)
-        ]
-    )
+    found = np.full(int(labels.max(initial=0)), math.nan)
+    for label in range(1, len(found) + 1):
+        own = labels == label
+        if moved_before is None or moved_before[own].sum() < GOES_ON:
+            found[label - 1] = _in_windows(points[own], groups, rng)
+    return found
 
 
 def by_chance(log_nfa: Floats, groups: int) -> Flags:

@@ -59,6 +59,7 @@ def segment_by_consensus(
     options: SegmentOptions,
     rng: np.random.Generator,
     with_modes: bool = True,
+    moved_before: Flags | None = None,
 ) -> ClusterResult:
     """Segment tracks by consensus.
 
@@ -76,6 +77,8 @@ def segment_by_consensus(
         Source of random numbers.
     with_modes : bool
         Whether to look for the mode of each motion, on which its labels do not depend.
+    moved_before : ndarray [P] of bool, optional
+        Tracks that moved with a motion in the frames before. A motion that goes on is not tested.
 
     Returns
     -------
@@ -87,7 +90,7 @@ def segment_by_consensus(
         If the hypotheses were not drawn for consensus, or apply to too few tracks.
     """
     eligible = status == OUTLIER
-    labels, found = _labels(points, hypotheses, eligible, options, rng)
+    labels, found = _labels(points, hypotheses, eligible, options, rng, moved_before)
     significance = dict(enumerate(found.log_nfa, start=1))
     separations = dict(enumerate(found.separations, start=1))
     labels = np.where(eligible, labels, status).astype(np.int64)
@@ -126,6 +129,7 @@ def _labels(
     eligible: Flags,
     options: SegmentOptions,
     rng: np.random.Generator,
+    moved_before: Flags | None,
 ) -> tuple[Integers, Consensus]:
     """Labels [P] of the eligible tracks, by grouping or propagation; and the groups."""
     rejected = np.zeros(0, dtype=np.int64)
@@ -135,7 +139,12 @@ def _labels(
     grouped = tracks_to_group(eligible, hypotheses.sets)
     among = hypotheses_among(hypotheses, grouped)
     found = cluster_by_consensus(
-        points[grouped], among, rng, motions=options.motions, min_motions=options.min_motions
+        points[grouped],
+        among,
+        rng,
+        motions=options.motions,
+        min_motions=options.min_motions,
+        moved_before=None if moved_before is None else moved_before[grouped],
     )
     labels = np.full(len(points), OUTLIER)
     labels[grouped] = found.labels
