@@ -41,6 +41,7 @@ from mssegment.segmentation.mdl.labelling import (
     neighbour_labels,
 )
 from mssegment.segmentation.mdl.likelihood import Noise, uniform_cost
+from mssegment.segmentation.mdl.pieces import with_pieces
 from mssegment.segmentation.mdl.refinement import refit_once
 from mssegment.segmentation.mdl.rigid_motions import joined, may_join, with_numbers
 from mssegment.segmentation.mdl.search import improve, refitted, start
@@ -173,7 +174,20 @@ def shortest_description(
     best = start(pool, description)
     if not ingredients.search:
         return refitted(best, description)[0], description
-    return improve(best, pool, description), description
+    best = improve(best, pool, description)
+    if may_have_pieces(problem, description) and ingredients.label_cost:
+        best = with_pieces(problem.points, problem.noise, best, pool, description)
+    return best, description
+
+
+def may_have_pieces(problem: SelectionProblem, description: Description) -> bool:
+    """Whether parts of a motion may be told apart: by measured noise, their number unknown."""
+    return (
+        description.by_contact
+        and problem.options.motions is None
+        and problem.options.granularity == "object"
+        and bool(np.isfinite(problem.noise))
+    )
 
 
 def decide_granularity(

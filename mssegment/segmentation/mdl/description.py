@@ -21,6 +21,7 @@ from mssegment.segmentation.mdl.degrees import (
     degree_cost,
     squares_by_degree,
 )
+from mssegment.segmentation.mdl.granularity import NOISE_SCALES
 from mssegment.segmentation.mdl.labelling import (
     frequency_cost,
     frequency_labels,
@@ -72,6 +73,8 @@ class Description(Record, frozen=True):
         Whether the parameters of a motion may be coded relative to those of a larger one.
     shared_points : bool
         Whether a point is described by all motions, each with its share, as by a mixture.
+    noise : float
+        Noise in pixels; misfit that it explains is no parallax. NaN: all misfit may be parallax.
 
     Notes
     -----
@@ -94,6 +97,7 @@ class Description(Record, frozen=True):
     displacements: Floats | None = None
     relative_coding: bool = False
     shared_points: bool = False
+    noise: float = float("nan")
 
     def labels(self, motions: Candidates) -> Integers:
         """The labels [P] with which ``motions`` save most, 0 for outliers."""
@@ -122,8 +126,13 @@ class Description(Record, frozen=True):
         for k in range(len(motions)):
             own = labels == k + 1
             if own.any():
-                parallax = self.families[int(motions.set_indices[k])].noise.parallax[own]
-                shares[k] = float((parallax**2).mean()) / float(motions.scales[k]) ** 2
+                noise = self.families[int(motions.set_indices[k])].noise
+                square = float((noise.parallax[own] ** 2).mean())
+                if np.isfinite(self.noise):
+                    beyond = noise.free_scale(motions.residuals[k][own]) ** 2
+                    beyond -= (NOISE_SCALES[0] * self.noise) ** 2
+                    square = min(square, max(beyond, 0.0))
+                shares[k] = square / float(motions.scales[k]) ** 2
         return np.minimum(shares, 1.0)
 
     def saved(self, motions: Candidates) -> float:

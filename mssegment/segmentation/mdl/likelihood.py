@@ -139,6 +139,17 @@ class Noise(Record, frozen=True):
             scales = np.clip(np.sqrt(mean), floor, cap)
         return scales
 
+    def free_scale(self, residuals: Floats) -> float:
+        """Most likely scale of residuals [n] of one motion, in pixels, without any bounds."""
+        square = self.residual_terms * residuals**2
+        count = len(residuals) * self.dimension
+        scale = math.sqrt(float(square.sum()) / count)
+        nu = self.degrees_of_freedom
+        for _ in range(0 if np.isinf(nu) or scale == 0 else SCALE_ROUNDS):
+            weighted = square / (square + nu * scale**2)
+            scale *= math.sqrt(float(weighted.sum()) * (nu + self.dimension) / count)
+        return scale
+
     def initial_scales(self) -> Floats:
         """Scales at which a motion may select its first inliers, in pixels [2].
 
