@@ -70,7 +70,7 @@ pictures: $(VENV)/.extra-docs ## make the pictures of the README and of docs/why
 	$(BIN)/python -m docs.pictures
 	$(BIN)/python -m docs.pictures_why
 
-benchmarks: $(VENV)/.extra-$(EXTRAS) ## the paper's set-ups; see docs/benchmarks.md for the others
+benchmarks: $(VENV)/.extra-$(EXTRAS) ## the paper's set-ups; see docs/benchmarks/ for the others
 	$(BIN)/python -m benchmarks.paper
 
 clean: ## remove the environment and all results
