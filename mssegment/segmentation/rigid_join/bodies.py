@@ -59,7 +59,7 @@ class _Group(Record, frozen=True):
     """The matches [n, 2] of a group (a sample), the size of the group, and its weight for each.
 
     ``plane`` is compatible with the epipolar geometry that fits the group alone, whose evidence is
-    ``own``; ``noise`` are the second moments [2, 2] of the misfit about it, zero if that is relief.
+    ``own``; ``misfits`` [n, 2] are those about it, zero if they are relief.
     """
 
     name: int
@@ -69,7 +69,7 @@ class _Group(Record, frozen=True):
     weight: float
     plane: Floats
     own: float
-    noise: Floats
+    misfits: Floats
 
 
 class _Hypothesis(Record, frozen=True):
@@ -157,22 +157,22 @@ def _group(matches: Floats, name: int, scale: float) -> _Group:
     plane = compatible_plane(fit.matrix, first, second, scale)
     places = mapped_points(plane, first)[0]
     same = np.zeros(len(sample), dtype=np.int64)
-    noise = _noise_of_flat(second - places, scale)
-    parallax = Parallax(places, second - places, same, np.array([weight]), scale, noise[None])
+    shifts = second - places
+    misfits = shifts if _is_flat(shifts, scale) else np.zeros_like(shifts)
+    parallax = Parallax(places, shifts, same, np.array([weight]), scale, misfits)
     table = EpipoleTable.of(parallax, fit.epipole)
-    return _Group(name, first, second, size, weight, plane, table.log_mean([0]), noise)
+    return _Group(name, first, second, size, weight, plane, table.log_mean([0]), misfits)
 
 
-def _noise_of_flat(misfits: Floats, scale: float) -> Floats:
-    """Robust second moments [2, 2] of misfits about a plane; zero if they exceed noise."""
+def _is_flat(misfits: Floats, scale: float) -> bool:
+    """Whether misfits [n, 2] about a plane are no more than noise, by their robust moments."""
     moments = np.eye(2) * scale**2
     for _ in range(MOMENT_ROUNDS):
         regular = moments + 1e-6 * scale**2 * np.eye(2)
         square = ((misfits @ np.linalg.inv(regular)) * misfits).sum(axis=1)
         weights = student_t_weights(square, FREEDOM, 2)
         moments = (misfits * weights[:, None]).T @ misfits / len(misfits)
-    flat = float(np.linalg.eigvalsh(moments)[-1]) <= scale**2
-    return moments if flat else np.zeros((2, 2))
+    return bool(np.linalg.eigvalsh(moments)[-1] <= scale**2)
 
 
 def _body_of_first(groups: Sequence[_Group], scale: float) -> _Hypothesis:
@@ -211,7 +211,7 @@ def _table(groups: Sequence[_Group], fit: EpipolarFit, scale: float) -> tuple[Ep
         np.repeat(np.arange(len(groups)), [len(place) for place in places]),
         np.array([group.weight for group in groups]),
         scale,
-        np.stack([group.noise for group in groups]),
+        np.concatenate([group.misfits for group in groups]),
     )
     table = EpipoleTable.of(parallax, fit.epipole)
     apart = np.array(

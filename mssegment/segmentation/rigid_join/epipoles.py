@@ -50,8 +50,8 @@ class Parallax(Record, frozen=True):
         Exponent of the likelihood of each group.
     scale : float
         Scale of the noise.
-    noise : ndarray [G, 2, 2]
-        Second moments of the noise in each group, zero for groups with relief.
+    misfits : ndarray [P, 2]
+        Where the points are, relative to the plane of their own group; zero in groups with relief.
     """
 
     places: Floats
@@ -59,33 +59,26 @@ class Parallax(Record, frozen=True):
     groups: Integers
     weights: Floats
     scale: float
-    noise: Floats
+    misfits: Floats
 
     def log_likelihood(self, epipoles: Floats) -> Floats:
         """Log-likelihood [E, G] of each group with epipoles [E, 3], relative to no parallax.
 
         Along the lines, relief is free, but a flat group has noise as it has across them. Without
         its code the epipole would be in the direction across which there is least noise by chance.
+        Both together have a Student t distribution of two dimensions, which prefers no direction,
+        whatever the noise of the group is like.
         """
         direction = epipoles[:, None, :2] - epipoles[:, None, 2:] * (self.places / PLANE_EXTENT)
         square = direction[..., 0] ** 2 + direction[..., 1] ** 2 + 1e-18
+        square *= FREEDOM * self.scale**2
         across = direction[..., 0] * self.shifts[:, 1] - direction[..., 1] * self.shifts[:, 0]
-        terms = across**2
-        terms /= square * (FREEDOM * self.scale**2)
-        terms += 1.0
-        np.log(terms, out=terms)
+        along = direction[..., 0] * self.misfits[:, 0] + direction[..., 1] * self.misfits[:, 1]
+        terms = np.log1p((across**2 + along**2) / square)
+        dimensions = 1 + (self.misfits != 0).any(axis=1)
         member = self.groups[:, None] == np.arange(len(self.weights))
-        total = terms @ member + self._noise_along(epipoles, member)
-        return np.asarray(-(FREEDOM + 1) / 2 * self.weights * total)
-
-    def _noise_along(self, epipoles: Floats, member: Flags) -> Floats:
-        """The terms [E, G] of the noise along the line through the middle of each group."""
-        sizes = member.sum(axis=0)
-        centres = (member.T @ self.places) / (sizes[:, None] * PLANE_EXTENT)
-        direction = epipoles[:, None, :2] - epipoles[:, None, 2:] * centres
-        square = direction[..., 0] ** 2 + direction[..., 1] ** 2 + 1e-18
-        along = np.einsum("egi,gij,egj->eg", direction, self.noise, direction) / square
-        return np.asarray(sizes * np.log1p(along / (FREEDOM * self.scale**2)))
+        exponents = member * ((FREEDOM + dimensions) / 2)[:, None]
+        return np.asarray(-self.weights * (terms @ exponents))
 
     def best_epipole(self, group: int) -> Floats:
         """The epipole [3] that explains the parallax of a group best, in homogeneous coordinates.
