@@ -15,7 +15,7 @@ from mssegment.segmentation.rigid_join.depths import (
     EpipolarCoordinates,
     middle_and_relief,
 )
-from mssegment.segmentation.rigid_join.epipoles import Parallax
+from mssegment.segmentation.rigid_join.epipoles import EpipoleTable, Parallax
 
 FOCAL, CENTRE = 700.0, np.array([320.0, 240.0])
 NOISE = 0.3
@@ -129,3 +129,13 @@ def test_noise_of_a_flat_group_prefers_no_epipole(deviations: tuple[float, float
     ]
     assert spread[0] > 1
     assert spread[1] < 1e-9
+
+
+def test_a_group_that_prefers_no_epipole_has_a_small_table() -> None:
+    """The likelihood is the same everywhere, so that no cell is worth more than another."""
+    places = np.random.default_rng(3).uniform(-1, 1, (30, 2))
+    none, same = np.zeros((30, 2)), np.zeros(30, dtype=np.int64)
+    parallax = Parallax(places, none, same, np.ones(1), 0.01, none)
+    table = EpipoleTable.of(parallax, np.array([1.0, 0.0, 0.0]))
+    assert len(table.values) < 2000
+    assert abs(table.log_mean([0])) < 1e-9

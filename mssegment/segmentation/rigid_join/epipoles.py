@@ -179,5 +179,8 @@ def _to_divide(cells: Floats, values: Floats) -> Flags:
     largest = columns.max(axis=0)
     count = min(DIVIDED, len(columns))
     threshold = np.partition(columns, -count, axis=0)[-count]
-    chosen = (columns >= np.maximum(threshold, largest - NEGLIGIBLE)) & np.isfinite(columns)
-    return np.asarray(chosen.any(axis=1))
+    limit = np.maximum(threshold, largest - NEGLIGIBLE)
+    above, equal = columns > limit, columns == limit
+    # where the likelihood is the same for all epipoles, so are all cells
+    equal &= np.cumsum(equal, axis=0) <= count - above.sum(axis=0)
+    return np.asarray(((above | equal) & np.isfinite(columns)).any(axis=1))
