@@ -19,6 +19,7 @@ from mssegment.manifolds import (
     MatrixGroup,
     Rotations,
     from_name,
+    log_gradient,
 )
 
 IDENTITY = np.eye(3)
@@ -291,3 +292,12 @@ def test_exact_gradient_of_a_batch_in_single_precision_is_finite(group, rng):
             pull = group.neg_half_grad_sq_dist(x[:, None], y[None])
         expected = np.einsum("mn,mnij->mij", weights, pull)
         np.testing.assert_allclose(found, expected, atol=tolerance * max(1, np.abs(expected).max()))
+
+
+@pytest.mark.parametrize("error", [0.0, 1e-16, -3e-16])
+def test_half_turns_about_an_axis_of_the_basis_are_seen_at_any_rounding(error):
+    """Rows of C(a) that are rounding only: how large they are is up to the kernel of the CPU."""
+    c = np.diag([1.0, 1.0, 0.8, 0.8, 0.8, 0.8, 2e-16, 2e-16 + error])
+    quarter = -((np.pi / 2) ** 2) * np.diag([0.0, 0.0, 0.25, 0.25, 0.25, 0.25, 1.0, 1.0])
+    divided = log_gradient._divided(quarter[None], c[None])
+    assert np.abs(divided).max() < 1.0

@@ -36,8 +36,8 @@ SERIES_TERMS = 26
 START, START_TERMS = 0.5, 14
 """Doubling starts at a matrix of at most this norm, with this many powers of it in the series."""
 HALF_TURN = 1e-10
-"""A half turn, relative to the other singular values of C(a), which has a pair of these near 0: its
-determinant is then below the square of this, times Hadamard's bound."""
+"""A half turn: C(a) has a pair of singular values below this share of its norm, and a determinant
+below the square of it, times the norm to the power of its order."""
 CHUNK = 4096
 """Pairs whose matrices are doubled at a time, to bound the memory."""
 
@@ -124,7 +124,8 @@ def _divided(quarter: Floats, c: Floats) -> Floats:
     """
     angles = np.linalg.norm(quarter, axis=(1, 2)) >= 0.99 * (np.pi / 2.0) ** 2  # |z| up to |a|
     suspects = np.flatnonzero(angles)
-    bound = np.prod(np.linalg.norm(c[suspects], axis=2), axis=1)
+    # the norm of all rows: about an axis of the basis those of the pair are as small as the pair
+    bound = np.linalg.norm(c[suspects], axis=(1, 2)) ** c.shape[-1]
     singular = suspects[np.abs(np.linalg.det(c[suspects])) <= HALF_TURN**2 * bound]
     if not singular.size:
         return np.asarray(np.linalg.solve(c, quarter))
