@@ -32,8 +32,11 @@ demo: $(VENV)/.installed ## make the environment, segment the three sample scene
 	done
 	@echo; echo "Pictures and pages:"; ls $(OUT)/*/*.png $(OUT)/*/report.html
 
+# one worker a core, and one BLAS thread a worker
+PYTEST = OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n logical --dist worksteal
+
 test: $(VENV)/.extra-$(EXTRAS) ## run all tests, doctests included
-	$(BIN)/python -m pytest
+	$(PYTEST)
 
 $(VENV)-oldest/.installed: pyproject.toml
 	$(PYTHON) -m venv $(VENV)-oldest
@@ -43,8 +46,9 @@ $(VENV)-oldest/.installed: pyproject.toml
 		xargs $(VENV)-oldest/bin/python -m pip install --quiet
 	@touch $@
 
+oldest: BIN = $(VENV)-oldest/bin
 oldest: $(VENV)-oldest/.installed ## run all tests with the oldest packages that pyproject.toml allows
-	$(VENV)-oldest/bin/python -m pytest
+	$(PYTEST)
 
 lint: $(VENV)/.extra-$(EXTRAS) ## formatting, lint, types
 	$(BIN)/ruff format --check .

@@ -169,4 +169,12 @@ def test_the_citation_is_of_this_version() -> None:
 
 def test_the_extra_for_development_stays_light() -> None:
     names = {re.split(r"[\[<>=]", need)[0] for need in PROJECT["optional-dependencies"]["dev"]}
-    assert names == {"pytest", "pytest-cov", "hypothesis", "ruff", "mypy", "types-PyYAML"}
+    assert names == {
+        "pytest",
+        "pytest-cov",
+        "pytest-xdist",
+        "hypothesis",
+        "ruff",
+        "mypy",
+        "types-PyYAML",
+    }
