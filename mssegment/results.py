@@ -156,7 +156,7 @@ class FramePictures:
 
     def __init__(self, document: Document, source: FrameSource | None = None) -> None:
         self._frames = document.frames
-        self._imported = _is_file_of_tracks(document)
+        self._imported = is_file_of_tracks(document)
         self._red_first: Callable[[int], Picture | None] | None = None
         if source is not None:
             self._red_first = source.colour
@@ -187,7 +187,7 @@ class FramePictures:
         return lambda index: pictures[index] if index < len(pictures) else None
 
 
-def _is_file_of_tracks(document: Document) -> bool:
+def is_file_of_tracks(document: Document) -> bool:
     """Whether the frames are those of a file of tracks, and not pictures."""
     if not document.frames or not any(entry.stage == "import" for entry in document.history):
         return False

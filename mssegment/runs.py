@@ -26,6 +26,7 @@ from mssegment.resources import Timings
 from mssegment.results import Results
 
 if TYPE_CHECKING:
+    from mssegment.clips.track_clip import TrackClip
     from mssegment.documents.clips import ClipDocument
     from mssegment.imaging.streams import Clip
 
@@ -106,7 +107,7 @@ class ClipRun(Record, frozen=True):
 
 
 def write_clip_run(
-    clip: Clip,
+    clip: Clip | TrackClip,
     configuration: Configuration,
     folder: ResultFolder,
     out: str,
@@ -178,24 +179,42 @@ def recorded_files(out: str) -> list[str]:
     return [*(str(path) for path in inside), RECORD]
 
 
-def open_tracks(configuration: Configuration) -> TracksDocument | None:
+def open_tracks(configuration: Configuration) -> TracksDocument | TrackClip | None:
     """Read the tracks of ``input.tracks``, put on the pictures of ``input.images`` if it has any.
 
-    None if the configuration names no tracks. Raises DataError if they cannot be read.
+    A clip if they have more frames than one window; None if the configuration names no tracks.
+    Raises DataError if they cannot be read.
     """
     path = configuration.input.tracks
     if path is None:
         return None
     if path != STANDARD and not is_pipe(path) and _is_document(path):
         document = read_document(path, TracksDocument)
-    elif is_for_data(configuration):
-        document = pipeline.import_points(path)
-    else:
-        source = pipeline.open_input(configuration) if configuration.input.images else None
-        return pipeline.import_tracks(path, source)
-    if configuration.input.images:
-        document = pipeline.put_on_pictures(document, pipeline.open_input(configuration))
-    return document
+        if configuration.input.images:
+            document = pipeline.put_on_pictures(document, pipeline.open_input(configuration))
+        if not document.of_pictures or not _has_windows(len(document.frames), configuration):
+            return document
+        from mssegment.clips.open_tracks import clip_of_document
+
+        return clip_of_document(path, document)
+    if is_for_data(configuration):
+        return pipeline.import_points(path)
+    found = pipeline.read_tracks(path)
+    source = pipeline.open_input(configuration) if configuration.input.images else None
+    if not _has_windows(len(found.frames), configuration):
+        return pipeline.document_of(found, source)
+    from mssegment.clips.open_tracks import clip_of_tracks
+
+    return clip_of_tracks(path, found, source)
+
+
+def _has_windows(frames: int, configuration: Configuration) -> bool:
+    """Whether so many frames are segmented in windows; without loading what two views need not."""
+    if frames <= 2:
+        return False
+    from mssegment.clips.choice import has_windows
+
+    return has_windows(frames, configuration)
 
 
 def is_configuration(path: str) -> bool:

@@ -182,13 +182,6 @@ def test_run_writes_a_clip_in_windows(
     assert "report.masks" in capfd.readouterr().err
 
 
-def test_windows_of_tracks_are_refused(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
-    (tmp_path / "a.csv").write_text("x1,y1,x2,y2\n" + "1,2,3,4\n" * 20)
-    command = ["run", str(tmp_path / "a.csv"), "--out", str(tmp_path / "out")]
-    assert invoke([*command, "--set", "sequence.window=40"]) == ExitStatus.CONFIGURATION
-    assert "sequence.window is 40" in capfd.readouterr().err
-
-
 def test_short_clips_are_no_clips_in_windows(pictures: Path) -> None:
     assert long_clip([str(pictures)], 0, None, 1, 100) is None
     assert long_clip([str(pictures)], 0, 30, 1, 30) is None

@@ -11,6 +11,7 @@ import msgspec
 
 from mssegment.batch.fingerprint import Fingerprint
 from mssegment.clips.choice import clip_of, key_of
+from mssegment.clips.track_clip import TrackClip
 from mssegment.configuration import Configuration, limits_of
 from mssegment.errors import DataError, ExitStatus, MssegmentError, OutputError
 from mssegment.folders import result_folder, sweep
@@ -191,7 +192,8 @@ def _run(task: Task) -> Facts:
         return {FACTS: msgspec.json.format(msgspec.json.encode(facts), indent=1) + b"\n"}
 
     with limits.using(limits_of(task.configuration)):
-        clip = clip_of(task.configuration)
+        tracks = open_tracks(task.configuration)
+        clip = clip_of(task.configuration, tracks)
         key = None if clip is None else key_of(clip, task.configuration)
         with result_folder(task.out, replace=True, wait=WAIT, key=key) as folder:
             if clip is not None:
@@ -203,9 +205,10 @@ def _run(task: Task) -> Facts:
                     further=lambda run: as_file(_facts_of_clip(task, run)),
                 )
             else:
+                assert not isinstance(tracks, TrackClip)
                 write_run(
                     task.configuration,
-                    open_tracks(task.configuration),
+                    tracks,
                     folder,
                     task.out,
                     further=lambda run: as_file(_facts(task, run)),

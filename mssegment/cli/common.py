@@ -6,7 +6,7 @@ import functools
 import os
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -18,6 +18,7 @@ from mssegment.documents import (
     STANDARD,
     AnyDocument,
     Document,
+    HistoryEntry,
     read_document,
     write_bytes,
     write_document,
@@ -243,16 +244,16 @@ class Console(Record, frozen=True):
         else:
             sentence += "; use -o FILE or a pipe to keep them"
         self.stage(name or document.made_by, sentence, seconds)
-        self.details(document)
+        self.details(document.history)
 
-    def details(self, document: Document) -> None:
+    def details(self, history: Sequence[HistoryEntry]) -> None:
         """Print the notes of the last stage of a document, and its settings if ``--verbose``."""
-        if not document.history:
+        if not history:
             return
-        for note in document.history[-1].notes:
+        for note in history[-1].notes:
             self.note(note)
         if self.verbose:
-            for key, value in document.history[-1].settings.items():
+            for key, value in history[-1].settings.items():
                 self.note(f"{key} = {value}")
 
 

@@ -34,6 +34,7 @@ from mssegment.errors import ConfigurationError, UsageError
 from mssegment.inputs import limits
 
 if TYPE_CHECKING:
+    from mssegment.clips.track_clip import TrackClip
     from mssegment.imaging.streams import Clip
     from mssegment.resources import Timings
 
@@ -115,22 +116,22 @@ def command(
         from mssegment.ground_truth import check_labels
 
         check_labels(configuration.report.labels)
+    from mssegment.clips.choice import clip_of
     from mssegment.folders import result_folder
     from mssegment.results import FramePictures
     from mssegment.runs import write_run
 
-    check_outputs(configuration, tracks is None or tracks.of_pictures)
+    clip = clip_of(configuration, tracks)
+    check_outputs(configuration, not isinstance(tracks, TracksDocument) or tracks.of_pictures)
+    if clip is not None:
+        _run_clip(clip, configuration, out, force, profile, chosen_format(form, console), console)
+        return
+    assert tracks is None or isinstance(tracks, TracksDocument)
     if configuration.report.masks and tracks is not None and FramePictures(tracks)(0) is None:
         raise UsageError(
             "--masks: there are no pictures of these tracks; name those that they were made from "
             "with --images"
         )
-    from mssegment.clips.choice import clip_of
-
-    clip = clip_of(configuration)
-    if clip is not None:
-        _run_clip(clip, configuration, out, force, profile, chosen_format(form, console), console)
-        return
     with result_folder(out, replace=force) as folder:
         from mssegment.resources import keep_freed_memory
 
@@ -142,7 +143,7 @@ def command(
                     progress(name)
                 else:
                     console.stage(name, describe(document), timings.seconds[name])
-                    console.details(document)
+                    console.details(document.history)
 
             run = write_run(configuration, tracks, folder, out, threads=threads, on_stage=on_stage)
         seconds = run.timings.seconds["report"]
@@ -157,7 +158,7 @@ def command(
 
 
 def _run_clip(
-    clip: Clip,
+    clip: Clip | TrackClip,
     configuration: Configuration,
     out: str,
     force: bool,
@@ -232,17 +233,22 @@ def _configuration(
     return configuration
 
 
-def _tracks(configuration: Configuration, console: Console) -> TracksDocument | None:
+def _tracks(configuration: Configuration, console: Console) -> TracksDocument | TrackClip | None:
     if configuration.input.tracks is None:
         return None
     start = time.perf_counter()
     from mssegment.runs import open_tracks
 
-    document = open_tracks(configuration)
-    assert document is not None
-    console.stage("import", describe(document), time.perf_counter() - start)
-    console.details(document)
-    return document
+    tracks = open_tracks(configuration)
+    assert tracks is not None
+    said = (
+        describe(tracks)
+        if isinstance(tracks, TracksDocument)
+        else f"{len(tracks.ids)} tracks over {len(tracks.frames)} frames"
+    )
+    console.stage("import", said, time.perf_counter() - start)
+    console.details(tracks.history)
+    return tracks
 
 
 def _profile(timings: Timings) -> str:

@@ -14,6 +14,7 @@ from mssegment.clips.store import ClipStore
 from mssegment.documents.clips import ClipDocument
 from mssegment.errors import UsageError
 from mssegment.records import Floats
+from mssegment.rendering.csv_text import neutral
 from mssegment.rendering.regions import not_isolated
 
 TRACKS_HEADER = ("id", "frame", "x", "y", "motion")
@@ -54,16 +55,17 @@ def write_exports(
 def _numbered(document: ClipDocument, store: ClipStore) -> Iterator[tuple[int, ClipFrame]]:
     """The frames, with the numbers that they have in their source."""
     for frame in frames_of(store, len(document.windows)):
-        yield document.start + frame.number * document.step, frame
+        yield document.number(frame.number), frame
 
 
 def _track_rows(document: ClipDocument, store: ClipStore) -> Iterator[Sequence[object]]:
     yield TRACKS_HEADER
+    names = [neutral(name) for name in document.ids]
     for number, frame in _numbered(document, store):
         for track, (x, y), identity in zip(
             frame.tracks.tolist(), frame.points.tolist(), frame.identities.tolist(), strict=True
         ):
-            yield track, number, round(x, 3), round(y, 3), identity
+            yield names[track] if names else track, number, round(x, 3), round(y, 3), identity
 
 
 def sightings(frame: ClipFrame) -> Iterator[tuple[int, Floats]]:

@@ -8,6 +8,7 @@ from pathlib import Path
 from mssegment.clips.exports import write_exports
 from mssegment.clips.process import process
 from mssegment.clips.store import CLIP, ClipStore
+from mssegment.clips.track_clip import TrackClip
 from mssegment.clips.video import draw_clip, write_video
 from mssegment.configuration import Configuration
 from mssegment.documents import write_bytes
@@ -30,7 +31,7 @@ class ClipResults(Record, frozen=True):
 
 
 def write_results(
-    clip: Clip,
+    clip: Clip | TrackClip,
     configuration: Configuration,
     folder: Path,
     on_window: Callable[[WindowDocument], None] = lambda window: None,

@@ -10,9 +10,8 @@ import numpy.typing as npt
 from mssegment import pipeline
 from mssegment.blas import with_one_thread
 from mssegment.configuration import Configuration
-from mssegment.documents import TracksDocument
+from mssegment.documents import HistoryEntry, TracksDocument
 from mssegment.errors import DataError
-from mssegment.history import entry_of
 from mssegment.models import Flags
 from mssegment.records import (
     BACKGROUND,
@@ -74,6 +73,7 @@ def segment_window(
     earlier_background: npt.NDArray[np.bool_],
     moved_before: npt.NDArray[np.bool_] | None = None,
     camera: Camera | None = None,
+    history: Sequence[HistoryEntry] = (),
 ) -> SegmentedWindow:
     """Segment the tracks of one window like a clip of its length.
 
@@ -91,6 +91,8 @@ def segment_window(
         Tracks that have moved with a motion in earlier windows.
     camera : Camera, optional
         The camera of the tracks, where the configuration has none.
+    history : sequence of HistoryEntry
+        How the tracks were made.
 
     Returns
     -------
@@ -104,7 +106,7 @@ def segment_window(
         frames=list(frames),
         camera=camera,
         tracks=Tracks(points=points[long_enough]),
-        history=[entry_of("detect", configuration)],
+        history=list(history),
     )
     try:
         drawn = pipeline.hypothesize(document, configuration, earlier_background[long_enough])
@@ -117,7 +119,7 @@ def segment_window(
     except DataError as error:
         return SegmentedWindow(labels, visible, notes=(f"no motions: {error}",))
     labels[long_enough] = found.labels
-    notes = [note for entry in found.history[1:] for note in entry.notes]
+    notes = [note for entry in found.history[len(history) :] for note in entry.notes]
     is_static = bool((found.labels == BACKGROUND).any())
     objects = _objects(points, visible, labels) if is_static else labels
     judged = label_short_tracks(points, objects)

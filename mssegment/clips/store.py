@@ -57,6 +57,8 @@ class ClipState(Record, frozen=True):
         The tracks that were background in the last window.
     identities : IdentityTracker
         What the motions have been.
+    is_last : bool
+        Whether there are no more windows.
     """
 
     windows: int
@@ -67,6 +69,7 @@ class ClipState(Record, frozen=True):
     next_track: int
     background: Integers
     identities: IdentityTracker
+    is_last: bool = False
 
 
 class ClipStore:

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from mssegment.imaging.tracking import RECENT, FramePoints, dense_tracks
-from mssegment.records import Floats, Frame, Integers, Record
+from mssegment.imaging.tracking import RECENT, FramePoints, Singles, dense_tracks
+from mssegment.records import Floats, Frame, Integers, Record, field
 from mssegment.sequences.lifetimes import (
     LONGEST_WINDOW,
     MOVED,
@@ -43,6 +43,8 @@ class FullWindow(Record, frozen=True):
         The number of the next new track.
     is_last : bool
         Whether the clip ends with this window.
+    paused : ndarray of int64
+        Tracks that earlier windows and later ones show, and this one does not.
     """
 
     index: int
@@ -55,6 +57,7 @@ class FullWindow(Record, frozen=True):
     recent: tuple[FramePoints, ...]
     next_track: int
     is_last: bool = False
+    paused: Integers = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
 
 
 class WindowBuilder:
@@ -168,7 +171,7 @@ class _Moved:
 
     def __init__(self) -> None:
         self._tracks = np.zeros(0, dtype=np.int64)
-        self._starts = np.zeros((0, 2), dtype=np.float32)
+        self._starts: Singles | Floats = np.zeros((0, 2), dtype=np.float32)
         self._has_moved = np.zeros(0, dtype=bool)
 
     def update(self, points: FramePoints) -> None:

@@ -13,12 +13,12 @@ from mssegment.datasets.array_layouts import as_positions, fits
 from mssegment.datasets.base import (
     DataSet,
     ImportedTracks,
+    ScatteredTracks,
     check_labels,
     check_pixels,
     check_points,
     frames_inside,
     size_that_holds,
-    unseen,
 )
 from mssegment.datasets.containers import InputFile, Variables
 from mssegment.datasets.matches import is_sighting_like
@@ -73,8 +73,7 @@ def read(file: InputFile) -> ImportedTracks:
     if flags is not None:
         visible &= flags
     lost = ~np.isfinite(points).all(axis=-1)
-    if np.isinf(points).any():
-        raise DataError(f"{where} holds infinity; expected pixels, NaN where a point is not seen")
+    _check_finite(points, where)
     points[lost | ~visible] = np.nan
     hidden = int((~visible).sum())
     if hidden:
@@ -177,7 +176,6 @@ def _spread(points: Floats, axis: int) -> float:
 def _from_rows(values: Floats, file: InputFile, where: str) -> ImportedTracks:
     """Rows of an array: matches (x1, y1, x2, y2), or tracks of napari (id, t, y, x)."""
     notes: tuple[str, ...] = ()
-    ids: tuple[str, ...] | None = None
     if values.shape[1] == 6 and (values[:, [2, 5]] == 1).all():
         values = values[:, [0, 1, 3, 4]]
     if values.shape[1] == 5 and is_sighting_like(values[:, [0, 1, 3, 4]]):
@@ -185,26 +183,43 @@ def _from_rows(values: Floats, file: InputFile, where: str) -> ImportedTracks:
     elif values.shape[1] == 5:
         values, notes = values[:, :4], ("fifth column ignored",)
     if values.shape[1] == 4 and is_sighting_like(values):
-        names, row = np.unique(values[:, 0].astype(np.int64), return_inverse=True)
-        times, column = np.unique(values[:, 1], return_inverse=True)
-        points = unseen(len(names), len(times), file.name)
-        points[row, column] = values[:, [3, 2]]
-        ids = tuple(map(str, names))
-        notes = ("array [n, 4]: read as napari's tracks (id, t, y, x)",)
-    else:
-        points = values.reshape(len(values), -1, 2)
-        notes = (f"array [n, {values.shape[1]}]: read as x1, y1, x2, y2, ...", *notes)
-    if np.isinf(points).any():
-        raise DataError(f"{where} holds infinity; expected pixels, NaN where a point is not seen")
+        return _of_napari(values, file, where)
+    points = values.reshape(len(values), -1, 2)
+    notes = (f"array [n, {values.shape[1]}]: read as x1, y1, x2, y2, ...", *notes)
+    _check_finite(points, where)
     check_pixels(points, where)
     check_points(points, where)
     return ImportedTracks(
         file.path.stem,
         Tracks(points),
         frames_inside(file.name, file.content, range(points.shape[1]), *size_that_holds(points)),
-        ids=ids,
         notes=notes,
     )
+
+
+def _of_napari(values: Floats, file: InputFile, where: str) -> ImportedTracks:
+    """Tracks from rows [n, 4] of a track, a time, y and x."""
+    names, row = np.unique(values[:, 0].astype(np.int64), return_inverse=True)
+    times, column = np.unique(values[:, 1], return_inverse=True)
+    points = values[:, [3, 2]]
+    _check_finite(points, where)
+    visible = ~np.isnan(points).any(axis=1)
+    tracks = ScatteredTracks(
+        where, len(names), len(times), row[visible], column[visible], points[visible]
+    )
+    tracks.check()
+    return ImportedTracks(
+        file.path.stem,
+        tracks,
+        frames_inside(file.name, file.content, range(len(times)), *size_that_holds(points)),
+        ids=tuple(map(str, names)),
+        notes=("array [n, 4]: read as napari's tracks (id, t, y, x)",),
+    )
+
+
+def _check_finite(points: Floats, where: str) -> None:
+    if np.isinf(points).any():
+        raise DataError(f"{where} holds infinity; expected pixels, NaN where a point is not seen")
 
 
 def _visibility(

@@ -24,6 +24,59 @@ from mssegment.records import (
 )
 
 
+class ScatteredTracks(Record, frozen=True):
+    """Tracks as the list of their visible positions.
+
+    An array has a place for every track in every frame, of which thousands of tracks of some frames
+    each, over thousands of frames, fill hardly a hundredth.
+
+    Attributes
+    ----------
+    where : str
+        The file, which opens messages.
+    tracks, frames : int
+        How many there are.
+    row, column : ndarray [n] of int64
+        The track and the frame of each position.
+    points : ndarray [n, 2]
+        The positions in pixels, without NaN.
+    labels : ndarray [tracks] of int64, optional
+        True labels.
+    """
+
+    where: str
+    tracks: int
+    frames: int
+    row: Integers
+    column: Integers
+    points: Floats
+    labels: Integers | None = None
+
+    @classmethod
+    def of(cls, tracks: Tracks, where: str) -> ScatteredTracks:
+        """The visible positions of an array of tracks."""
+        row, column = np.nonzero(tracks.visible)
+        count, frames = tracks.points.shape[:2]
+        return cls(where, count, frames, row, column, tracks.points[row, column], tracks.labels)
+
+    def dense(self) -> Tracks:
+        """The array of all tracks and frames; raises DataError above ``limits.positions``."""
+        points = unseen(self.tracks, self.frames, self.where)
+        points[self.row, self.column] = self.points
+        return Tracks(points, labels=self.labels)
+
+    def check(self) -> None:
+        """Validate as ``check_points`` and ``check_pixels`` do; raises DataError."""
+        if len(self.points):
+            check_pixels(self.points, self.where)
+        _check_counts(self.tracks, self.frames, self.where)
+        wild = np.argwhere(np.abs(self.points) > LARGEST_COORDINATE - 1)
+        if len(wild):
+            position, axis = wild[0]
+            value = self.points[position, axis]
+            raise _too_far(self.row[position], self.column[position], value, self.where)
+
+
 class ImportedTracks(Record, frozen=True):
     """Tracks read from a file.
 
@@ -31,8 +84,9 @@ class ImportedTracks(Record, frozen=True):
     ----------
     name : str
         The name of the sequence.
-    tracks : Tracks
-        The tracks [P, F, 2] in pixels, with true labels if the file has them.
+    given : Tracks or ScatteredTracks
+        The tracks in pixels, with true labels if the file has them, as an array [P, F, 2] or as the
+        list of the positions that are visible.
     frames : tuple of Frame
         One per frame: the path of the file and the index of the frame in it. If the file does not
         state the size of its images, it is the smallest that contains every point.
@@ -52,7 +106,7 @@ class ImportedTracks(Record, frozen=True):
     """
 
     name: str
-    tracks: Tracks
+    given: Tracks | ScatteredTracks
     frames: tuple[Frame, ...]
     camera: Camera | None = None
     group: str = ""
@@ -62,9 +116,24 @@ class ImportedTracks(Record, frozen=True):
     is_upwards: bool = False
 
     @property
+    def tracks(self) -> Tracks:
+        """The array of the tracks.
+
+        Raises DataError if it has more positions than ``limits.positions``.
+        """
+        return self.given.dense() if isinstance(self.given, ScatteredTracks) else self.given
+
+    @property
+    def scattered(self) -> ScatteredTracks:
+        """The visible positions of the tracks."""
+        if isinstance(self.given, ScatteredTracks):
+            return self.given
+        return ScatteredTracks.of(self.given, self.frames[0].path)
+
+    @property
     def motions(self) -> int:
         """The true number of motions; 0 if there are no true labels."""
-        labels = self.tracks.labels
+        labels = self.given.labels
         return 0 if labels is None else len(np.unique(labels[labels > 0]))
 
 
@@ -211,20 +280,27 @@ def check_points(points: Floats, where: str) -> None:
     Raises DataError unless there are at least one track and two frames, and no coordinate exceeds
     ``LARGEST_COORDINATE``.
     """
-    tracks, frames = points.shape[:2]
+    _check_counts(points.shape[0], points.shape[1], where)
+    # less than the limit, not equal to it: the frame is one pixel wider than its last position
+    wild = np.abs(np.nan_to_num(points, nan=0.0)) > LARGEST_COORDINATE - 1
+    if wild.any():
+        track, frame, axis = np.argwhere(wild)[0]
+        raise _too_far(track, frame, points[track, frame, axis], where)
+
+
+def _check_counts(tracks: int, frames: int, where: str) -> None:
     if tracks < 1 or frames < 2:
         raise DataError(
             f"{where}: {tracks} track{'s' * (tracks != 1)} over {frames} "
             f"frame{'s' * (frames != 1)}; expected at least 1 track and 2 frames"
         )
-    # less than the limit, not equal to it: the frame is one pixel wider than its last position
-    wild = np.abs(np.nan_to_num(points, nan=0.0)) > LARGEST_COORDINATE - 1
-    if wild.any():
-        track, frame, axis = np.argwhere(wild)[0]
-        raise DataError(
-            f"{where}: track {track} is at {points[track, frame, axis]:g} in frame {frame}; "
-            f"expected pixels, less than {LARGEST_COORDINATE:g}"
-        )
+
+
+def _too_far(track: int, frame: int, value: float, where: str) -> DataError:
+    return DataError(
+        f"{where}: track {track} is at {value:g} in frame {frame}; expected pixels, less than "
+        f"{LARGEST_COORDINATE:g}"
+    )
 
 
 def check_pixels(points: Floats, where: str) -> None:

@@ -10,11 +10,9 @@ import numpy.typing as npt
 from mssegment.datasets.base import (
     DataSet,
     ImportedTracks,
-    check_pixels,
-    check_points,
+    ScatteredTracks,
     frames_inside,
     size_that_holds,
-    unseen,
 )
 from mssegment.datasets.columns import HEIGHT, LABEL, WIDTH, Sightings, first_of, sightings_of
 from mssegment.datasets.containers import InputFile, Variables
@@ -28,7 +26,7 @@ from mssegment.datasets.track_columns import (
     seen_by_columns,
 )
 from mssegment.errors import DataError
-from mssegment.records import Floats, Integers, Tracks
+from mssegment.records import Floats, Integers
 
 _UNNAMED = ("track", "frame", "x", "y")
 
@@ -67,21 +65,25 @@ def read_sightings(table: Table, file: InputFile) -> ImportedTracks:
     ids, row = _numbered(track)
     names, column = _numbered(frame)
     _check_unique(row, column, ids, names, file.name)
-    points = unseen(len(ids), len(names), file.name)
-    points[row, column] = np.stack([x, y], axis=1)
-    points[np.isnan(points).any(axis=-1)] = np.nan
-    if len(points):
-        check_pixels(points, file.name)
-    check_points(points, file.name)
     label = first_of(table, LABEL)
     given, label_notes = labels_of(table, label, file.name)
-    labels = None if given is None else _label_per_track(given, row, ids, file.name)
+    visible = ~np.isnan(x) & ~np.isnan(y)
+    tracks = ScatteredTracks(
+        file.name,
+        len(ids),
+        len(names),
+        row[visible],
+        column[visible],
+        np.stack([x, y], axis=1)[visible],
+        None if given is None else _label_per_track(given, row, ids, file.name),
+    )
+    tracks.check()
     used = columns.used | hiding | ({label} if given is not None else set())
     indices, frame_notes = _frame_numbers(names, columns.frame)
     return ImportedTracks(
         file.path.stem,
-        Tracks(points, labels=labels),
-        frames_inside(file.name, file.content, indices, *size_that_holds(points)),
+        tracks,
+        frames_inside(file.name, file.content, indices, *size_that_holds(tracks.points)),
         ids=tuple(ids),
         notes=(
             *notes,
@@ -184,8 +186,8 @@ def _check_unique(
     names: list[str],
     path: str,
 ) -> None:
-    pairs, first = np.unique(np.stack([row, column]), axis=1, return_index=True)
-    if pairs.shape[1] != len(row):
+    _, first = np.unique(row * len(names) + column, return_index=True)
+    if len(first) != len(row):
         twice = np.setdiff1d(np.arange(len(row)), first)[0]
         raise DataError(
             f"{path}: track {ids[row[twice]]} has two positions in frame {names[column[twice]]}; "

@@ -141,11 +141,14 @@ class ClipDocument(
     Attributes
     ----------
     inputs : list of str
-        The video, or the pictures.
+        The video, or the pictures; or the file of tracks, and the pictures of these.
     sha256 : str
-        Of the video, or of those of all pictures together.
+        Of the video, or of those of all pictures together; or of the tracks.
     start, step : int
-        The first frame of a video that was read, and the distance of the frames.
+        The first frame that was read of a video or of a file of tracks, and the distance of the
+        frames.
+    numbers : list of int
+        The numbers of the frames of a file of tracks, where their distances differ.
     width, height : int
         The size of the frames in pixels.
     frames : int
@@ -160,6 +163,8 @@ class ClipDocument(
         The number of tracks, and of their positions.
     objects : list of ClipObject
         The objects, by number.
+    ids : list of str
+        The names of the tracks in the file that they come from, by number.
     history : list of HistoryEntry
         The stages and their settings.
     notes : list of str
@@ -179,8 +184,14 @@ class ClipDocument(
     tracks: int
     positions: int
     objects: list[ClipObject]
+    numbers: list[int] = []
+    ids: list[str] = []
     history: list[HistoryEntry] = []
     notes: list[str] = []
+
+    def number(self, frame: int) -> int:
+        """The number of a frame in its source."""
+        return self.numbers[frame] if self.numbers else self.start + frame * self.step
 
     @property
     def whole_objects(self) -> list[ClipObject]:

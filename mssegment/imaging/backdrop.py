@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from mssegment.errors import DataError
-from mssegment.records import Floats, Frame
+from mssegment.records import Floats, Frame, Integers
 
 
 def pictures_of_frames(frames: Sequence[Frame], pictures: Sequence[Frame]) -> list[Frame]:
@@ -56,18 +56,17 @@ def number_of(frame: Frame) -> int | None:
     return int(digits[-1]) if digits else None
 
 
-def check_inside(points: Floats, pictures: Sequence[Frame]) -> tuple[str, ...]:
-    """A note if some of the tracks [P, F, 2] leave the pictures.
+def check_inside(points: Floats, frames: Integers, pictures: Sequence[Frame]) -> tuple[str, ...]:
+    """A note if some of the visible positions [n, 2] of tracks leave the pictures of their frames.
 
     Raises DataError if most of them do: then the pictures are others, or of another size.
     """
     sizes = np.array([[picture.width, picture.height] for picture in pictures], dtype=np.float64)
-    seen = np.isfinite(points).all(axis=-1)
     # half a pixel beyond the centres of the border, and one more for rounding
-    outside = seen & ((points < -1.5) | (points > sizes + 0.5)).any(axis=-1)
+    outside = ((points < -1.5) | (points > sizes[frames] + 0.5)).any(axis=-1)
     if not outside.any():
         return ()
-    share = outside.sum() / seen.sum()
+    share = outside.mean()
     size = f"{pictures[0].width}x{pictures[0].height}"
     if share > 0.5:
         raise DataError(

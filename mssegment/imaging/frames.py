@@ -282,6 +282,11 @@ def reopen_frames(frames: Sequence[Frame], folder: str | None = None) -> FrameSo
     return FrameSource(found)
 
 
+def read_once(frames: Sequence[Frame]) -> FrameSource:
+    """Frames that are read one after the other: only one decoded picture is kept."""
+    return FrameSource(frames, _PictureCache(0))
+
+
 def frames_in_memory(frames: Sequence[Frame], pixels: Sequence[StoredPicture]) -> FrameSource:
     """A source of decoded pictures, ``pixels`` in grey or BGR order, with their records.
 

@@ -6,7 +6,7 @@ import contextvars
 import hashlib
 import queue
 import threading
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Generator, Iterator, Sequence
 from itertools import islice
 from pathlib import Path
 from typing import TypeVar
@@ -65,6 +65,14 @@ class Clip(Record, frozen=True):
                     f"have {size[0]}x{size[1]}; use pictures of one size"
                 )
             yield frame, picture
+
+    def pictures(self, wanted: Collection[int] | None = None) -> Iterator[StoredPicture | None]:
+        """The picture of each frame, all or only those ``wanted``; None for the others.
+
+        Raises DataError as ``frames`` does.
+        """
+        for index, (_, picture) in enumerate(self.frames()):
+            yield picture if wanted is None or index in wanted else None
 
     def _video(self, first: int) -> Iterator[tuple[Frame, StoredPicture]]:
         path, start = self.paths[0], self.start + first * self.step
@@ -142,7 +150,7 @@ def grey_bytes(picture: StoredPicture, white: float) -> npt.NDArray[np.uint8]:
     return np.rint(pictures.to_grey(picture, white)).clip(0, 255).astype(np.uint8)
 
 
-def in_background(items: Iterator[T]) -> Iterator[T]:
+def in_background(items: Iterator[T]) -> Generator[T]:
     """The items, produced by a thread that is some of them ahead.
 
     An exception in the thread is raised here. The thread ends when the iterator is closed.

@@ -61,11 +61,11 @@ class FramePoints(Record, frozen=True):
     tracks : ndarray [n] of int64
         Their numbers, ascending.
     points : ndarray [n, 2] of float32
-        Their positions in pixels.
+        Their positions in pixels; float64 for tracks that were made elsewhere.
     """
 
     tracks: Integers
-    points: Singles
+    points: Singles | Floats
 
 
 class TrackerState(Record, frozen=True):
@@ -109,7 +109,7 @@ class StreamTracker:
     def step(self, grey: Bytes, corners: Floats) -> FramePoints:
         """Follow the tracks into the next frame, in which ``corners`` start new ones."""
         live = self.state.live
-        ends, kept = _follow_under_change(self._grey, grey, live.points)
+        ends, kept = _follow_under_change(self._grey, grey, np.asarray(live.points, np.float32))
         tracks, points = live.tracks[kept], ends[kept]
         own = ~self._taken_along(grey, tracks, points)
         tracks, points = tracks[own], points[own]

@@ -6,7 +6,15 @@ a chain of single commands have the same result.
 """
 
 from mssegment.pipeline.hypotheses import NO_COMMON_MOTION, NO_STRUCTURE, hypothesize
-from mssegment.pipeline.inputs import import_points, import_tracks, open_input, put_on_pictures
+from mssegment.pipeline.inputs import (
+    document_of,
+    import_points,
+    import_tracks,
+    open_input,
+    put_on_pictures,
+    read_tracks,
+    upright,
+)
 from mssegment.pipeline.matches import detect, match
 from mssegment.pipeline.motions import cluster
 from mssegment.pipeline.settings import camera_for, check_settings, straight
@@ -20,12 +28,15 @@ __all__ = [
     "check_settings",
     "cluster",
     "detect",
+    "document_of",
     "hypothesize",
     "import_points",
     "import_tracks",
     "match",
     "open_input",
     "put_on_pictures",
+    "read_tracks",
     "run",
     "straight",
+    "upright",
 ]

@@ -5,13 +5,15 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import msgspec
+import numpy as np
 
 from mssegment.configuration import Configuration
 from mssegment.documents import STANDARD, TracksDocument, read_bytes
 from mssegment.history import entry_of
-from mssegment.records import replace
+from mssegment.records import Floats, replace
 
 if TYPE_CHECKING:
+    from mssegment.datasets import ImportedTracks
     from mssegment.imaging.frames import FrameSource
 
 
@@ -43,22 +45,47 @@ def import_tracks(path: str, source: FrameSource | None = None) -> TracksDocumen
     DataError
         If the file cannot be read, a frame has no picture, or most positions lie outside them.
     """
+    return document_of(read_tracks(path), source)
+
+
+def read_tracks(path: str) -> ImportedTracks:
+    """Read tracks that another program wrote, from a file or ``-``, standard input.
+
+    Raises DataError if it cannot be read.
+    """
     from mssegment.datasets import read, read_content
 
-    found = read_content(read_bytes(path), "standard input") if path == STANDARD else read(path)
-    points, notes = found.tracks.points, found.notes
-    if found.is_upwards and source is not None:
-        # the lower left corner is 0, 0 there; the centre of the upper left pixel is, here
-        points = points * [1.0, -1.0] + [-0.5, source.frames[0].height - 0.5]
-    elif found.is_upwards:
-        notes += ("y counts upwards: without --images everything is drawn upside down",)
+    return read_content(read_bytes(path), "standard input") if path == STANDARD else read(path)
+
+
+def document_of(found: ImportedTracks, source: FrameSource | None = None) -> TracksDocument:
+    """The document of tracks that were read, on the pictures that they were made from.
+
+    Raises DataError if there are too many for an array, a frame has no picture, or most positions
+    lie outside them.
+    """
+    tracks = found.tracks
+    points, notes = upright(tracks.points, found, source)
     document = TracksDocument(
         frames=list(found.frames),
         camera=found.camera,
-        tracks=replace(found.tracks, points=points, ids=found.ids),
+        tracks=replace(tracks, points=points, ids=found.ids),
         history=[entry_of("import", notes=notes)],
     )
     return document if source is None else put_on_pictures(document, source)
+
+
+def upright(
+    points: Floats, found: ImportedTracks, source: FrameSource | None
+) -> tuple[Floats, tuple[str, ...]]:
+    """Positions [..., 2] with y counted downwards, and the notes of the tracks."""
+    if not found.is_upwards:
+        return points, found.notes
+    if source is None:
+        note = "y counts upwards: without --images everything is drawn upside down"
+        return points, (*found.notes, note)
+    # the lower left corner is 0, 0 there; the centre of the upper left pixel is, here
+    return points * [1.0, -1.0] + [-0.5, source.frames[0].height - 0.5], found.notes
 
 
 def import_points(path: str) -> TracksDocument:
@@ -103,7 +130,8 @@ def put_on_pictures(document: TracksDocument, source: FrameSource) -> TracksDocu
     from mssegment.imaging.backdrop import check_inside, pictures_of_frames
 
     frames = pictures_of_frames(document.frames, source.frames)
-    notes = check_inside(document.tracks.points, frames)
+    seen = document.tracks.visible
+    notes = check_inside(document.tracks.points[seen], np.nonzero(seen)[1], frames)
     history = list(document.history)
     if notes:
         last = history[-1]

@@ -29,6 +29,8 @@ MIN_LONG_SIDE = 960
 MAX_ENLARGEMENT = 2.0
 MAX_LONG_SIDE = 1920
 """Pixels; larger pictures are reduced to this: screens show no more, and drawing takes longer."""
+BLANK = 236
+"""Grey value where there is no picture."""
 
 
 class FrameView(Record, frozen=True):
@@ -93,7 +95,7 @@ def view_of(report: Report, index: int, scale: float | None = None) -> FrameView
     size = (max(1, round(frame.width * scale)), max(1, round(frame.height * scale)))
     picture = report.pictures(index)
     if picture is None:
-        blank = np.full((size[1], size[0], 3), 236, dtype=np.uint8)
+        blank = np.full((size[1], size[0], 3), BLANK, dtype=np.uint8)
         words = f"frame {index + 1}: picture not available"
         where, font = (size[0] // 40, size[1] // 20), cv2.FONT_HERSHEY_SIMPLEX
         cv2.putText(blank, words, where, font, size[0] / 1600, style.MUTED, 1, cv2.LINE_AA)

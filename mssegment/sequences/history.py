@@ -56,12 +56,12 @@ class TrackHistory(State):
                 found[row] = max(own, key=lambda i: (own[i], i != STATIC_WORLD, -i))
         return found
 
-    def record(self, tracks: Integers, identities: Integers) -> None:
+    def record(self, tracks: Integers, identities: Integers, paused: Iterable[int] = ()) -> None:
         """Count one more window for each of the ``tracks`` [n]; identities below 0 are none.
 
-        Tracks that are not among them have ended, and are forgotten.
+        Tracks that are neither among them nor ``paused`` have ended, and are forgotten.
         """
-        kept: dict[int, dict[int, int]] = {}
+        kept = {track: self.windows[track] for track in paused if track in self.windows}
         for track, identity in zip(tracks.tolist(), identities.tolist(), strict=True):
             own = self.windows.get(track, {})
             if identity >= 0:

@@ -9,7 +9,7 @@ that appears again (``reappearance``).
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 from scipy.optimize import linear_sum_assignment
@@ -138,8 +138,8 @@ class IdentityTracker(State):
         usual = self.history.usual(window.tracks)
         return separated(window.points, window.labels, usual, self.together)
 
-    def add(self, window: WindowLabels) -> WindowIdentities:
-        """The identities of the next window."""
+    def add(self, window: WindowLabels, paused: Iterable[int] = ()) -> WindowIdentities:
+        """The identities of the next window; ``paused`` tracks are not in it, but in later ones."""
         own = [np.flatnonzero(window.labels == j + 1) for j in range(window.motions)]
         votes = [self.history.votes(window.tracks[rows]) for rows in own]
         camera = self._camera(window, votes)
@@ -176,7 +176,7 @@ class IdentityTracker(State):
         tracks, resting = self._of_tracks(window, own, identity, usual, present)
         merged = _merged(window, tracks, usual, present | set(resting))
         self._remember(window, own, identity, resting, merged)
-        self.history.record(window.tracks, tracks)
+        self.history.record(window.tracks, tracks, paused)
         return WindowIdentities(
             tuple(identity[j] for j in range(window.motions)), tracks, resting, origins, merged
         )
