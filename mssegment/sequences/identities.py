@@ -29,6 +29,7 @@ from mssegment.sequences.extent import Whole
 from mssegment.sequences.history import STATIC_WORLD, TrackHistory, vote_table
 from mssegment.sequences.parts import TRACKED_WINDOW, move_alike
 from mssegment.sequences.reappearance import Sight, reappeared, sight
+from mssegment.sequences.rest import Resting, moving_on
 from mssegment.sequences.separation import separated
 from mssegment.special import nan_median
 
@@ -155,6 +156,14 @@ class IdentityTracker(State):
         first = {j: sight(window.points[own[j]], window.start, first=True) for j in new}
         identity |= self._parts(first)
         identity |= self._split_off(window, own, identity, votes)
+        still = self._still(window, own, identity, usual)
+        unknown = {j: window.points[own[j]] for j in new if not identity[j]}
+        resting_places = {
+            known: Resting.of(window.points[rows])
+            for known, rows in still.items()
+            if known not in identity.values()
+        }
+        identity |= moving_on(unknown, resting_places)
         hidden = {j: one for j, one in first.items() if not identity[j]}
         identity |= self._again(hidden, set(identity.values()))
         origins = {}
@@ -173,7 +182,8 @@ class IdentityTracker(State):
                 if parent is not None:
                     origins[self.objects] = parent
         present = set(identity.values())
-        tracks, resting = self._of_tracks(window, own, identity, usual, present)
+        resting = tuple(known for known in still if known not in present)
+        tracks = _of_tracks(window, own, identity, {known: still[known] for known in resting})
         merged = _merged(window, tracks, usual, present | set(resting))
         self._remember(window, own, identity, resting, merged)
         self.history.record(window.tracks, tracks, paused)
@@ -276,38 +286,31 @@ class IdentityTracker(State):
         )
         return {motions[j]: lost[i] for i, j in pairs}
 
-    def _of_tracks(
+    def _still(
         self,
         window: WindowLabels,
         own: list[Integers],
-        identity: dict[int, int],
+        identity: Mapping[int, int],
         usual: Integers,
-        present: set[int],
-    ) -> tuple[Integers, tuple[int, ...]]:
-        """The identity of each track, and the objects that rest.
+    ) -> dict[int, Integers]:
+        """The tracks that stand still, of the objects of which most do that go on.
 
-        An object that moves nowhere in the window rests if most of its tracks that go on are of
-        the static world, or of nothing that moves as one.
+        They are of the static world, or of nothing that moves as one.
         """
         static = window.labels == BACKGROUND
         for j, rows in enumerate(own):
             if identity[j] == STATIC_WORLD:
                 static[rows] = True
-        tracks = np.full(len(window.tracks), -1, dtype=np.int64)
-        tracks[static] = STATIC_WORLD
-        for j, rows in enumerate(own):
-            tracks[rows] = identity[j]
         still_or_none = static | (window.labels == OUTLIER)
-        resting = []
+        found = {}
         for known in np.unique(usual[usual > STATIC_WORLD]).tolist():
             of_object = usual == known
-            still = of_object & still_or_none
+            still = np.flatnonzero(of_object & still_or_none)
             # what is left of an object that has gone is no object
             least = max(LEAST_VOTES, of_object.sum() / 2, self.sizes.get(known, 0.0) / 2)
-            if known not in present and still.sum() >= least:
-                tracks[still] = known
-                resting.append(known)
-        return tracks, tuple(resting)
+            if len(still) >= least:
+                found[known] = still
+        return found
 
     def _remember(
         self,
@@ -343,6 +346,10 @@ class IdentityTracker(State):
                     if before is None
                     else before.updated(window.points[rows], window.start, box)
                 )
+        end = window.start + window.points.shape[1] - 1
+        for known in resting:
+            if known in self.wholes:
+                self.wholes[known] = self.wholes[known].rested(end)
         for one in seen:
             for other in (k for k in seen if k > one):
                 pairs = self.together.setdefault(one, {})
@@ -359,6 +366,21 @@ class IdentityTracker(State):
             for k, v in self.together.items()
             if k in known_still
         }
+
+
+def _of_tracks(
+    window: WindowLabels,
+    own: list[Integers],
+    identity: Mapping[int, int],
+    resting: Mapping[int, Integers],
+) -> Integers:
+    """The identity of each track, of motions and of objects that rest."""
+    tracks = np.where(window.labels == BACKGROUND, STATIC_WORLD, NO_OBJECT).astype(np.int64)
+    for j, rows in enumerate(own):
+        tracks[rows] = identity[j]
+    for known, rows in resting.items():
+        tracks[rows] = known
+    return tracks
 
 
 def _travel(points: Floats) -> float:

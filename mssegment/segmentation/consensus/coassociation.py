@@ -43,33 +43,38 @@ class CoassociationAccumulator:
     ----------
     total : int
         Number of tracks.
-
-    Attributes
-    ----------
-    kinds : dict
-        The ``Coassociation`` for each name of a model.
     """
 
     def __init__(self, total: int) -> None:
         self._total = total
-        self.kinds: dict[str, Coassociation] = {}
+        self._agreement: dict[str, Singles] = {}
+        self._seen: dict[str, list[Singles]] = {}
 
     def add(self, observed_set: ObservedSet, squared: Floats) -> None:
         """Add a set with its ``ranking_sq_residuals``; tracks mark the hypotheses that fit best."""
         model, tracks = observed_set.hypotheses.model, observed_set.tracks
-        marks = marks_of(observed_set, squared)
-        agreement = marks @ marks.T / marks[:1].sum()
-        if model not in self.kinds:
-            zeros = np.zeros((self._total, self._total), dtype=np.float32)
-            self.kinds[model] = Coassociation(zeros, zeros.copy())
-        kind = self.kinds[model]
-        if len(tracks) == self._total:
-            np.add(kind.agreement, agreement, out=kind.agreement)
-            np.add(kind.shared, np.float32(1), out=kind.shared)
+        own = marks_of(observed_set, squared)
+        # the rows of all tracks: to add a block of a matrix takes longer than the product
+        marks = np.zeros((self._total, own.shape[1]), dtype=np.float32)
+        marks[tracks] = own
+        agreement = marks @ marks.T
+        agreement /= own[:1].sum()
+        if model in self._agreement:
+            np.add(self._agreement[model], agreement, out=self._agreement[model])
         else:
-            block = np.ix_(tracks, tracks)
-            kind.agreement[block] += agreement
-            kind.shared[block] += 1
+            self._agreement[model] = agreement
+        seen = np.zeros(self._total, dtype=np.float32)
+        seen[tracks] = 1.0
+        self._seen.setdefault(model, []).append(seen)
+
+    @property
+    def kinds(self) -> dict[str, Coassociation]:
+        """The co-association for each name of a model."""
+        found = {}
+        for model, agreement in self._agreement.items():
+            seen = np.array(self._seen[model])
+            found[model] = Coassociation(agreement, seen.T @ seen)
+        return found
 
 
 def marks_of(observed_set: ObservedSet, squared: Floats) -> Singles:
