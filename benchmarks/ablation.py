@@ -22,8 +22,9 @@ from mssegment.evaluation import misclassification
 from mssegment.records import OUTLIER, Floats, HypothesisSet, Integers, replace
 from mssegment.sampling.elemental_subsets import hypothesize
 from mssegment.sampling.options import Sampling, SamplingOptions
-from mssegment.segmentation.mdl.choice import ALL_INGREDIENTS as ALL
-from mssegment.segmentation.mdl.choice import Ingredients, mdl
+from mssegment.segmentation.mdl.choice import mdl
+from mssegment.segmentation.mdl.preparation import ALL_INGREDIENTS as ALL
+from mssegment.segmentation.mdl.preparation import Ingredients
 from mssegment.segmentation.mode_based import segment_by_modes
 from mssegment.segmentation.options import Granularity, SegmentOptions
 from mssegment.segmentation.selection import SelectionProblem, SelectionResult

@@ -14,6 +14,7 @@ import mssegment
 from benchmarks.paper import run_scene
 from benchmarks.scenes import SETUPS
 from benchmarks.unseen_outliers import shuffled, uniform, within_reach
+from benchmarks.unseen_pictures import rendered_pairs
 from benchmarks.unseen_real import (
     OBJECTS,
     PLANES,
@@ -273,6 +274,7 @@ ROWS = (
         "planes-noise", "planes, + 1 px", ("3.5 %, 85 %", ""), "plane", PLANES, with_noise(1.0)
     ),
     Row("static-pictures", "static pairs", "3 of 3", "5 of 5", static_pictures, needs="static"),
+    Row("rendered", "rendered pairs", "", "", rendered_pairs),
     _adelaidermf(
         "static-planes",
         "planes as one static scene",

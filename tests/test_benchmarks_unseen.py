@@ -12,6 +12,8 @@ from benchmarks import unseen
 from benchmarks.unseen_bodies import SHAPES, Body, rotation
 from benchmarks.unseen_oracle import achievable, affine_body, confusions, misfits
 from benchmarks.unseen_outliers import JITTER, KINDS, REACH, jitter, outlier_tracks, shuffled
+from benchmarks.unseen_pictures import BODY
+from benchmarks.unseen_pictures import KINDS as RENDERED
 from benchmarks.unseen_real import (
     as_one_scene,
     cut_at_random,
@@ -345,3 +347,23 @@ def test_unknown_row_is_an_error(capsys: pytest.CaptureFixture[str]) -> None:
         unseen.main(["--rows", "hopkins-gave"])
     assert caught.value.code == 2
     assert "no row 'hopkins-gave'; the rows are hopkins-given" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("kind", RENDERED)
+def test_rendered_pictures_are_moved_as_their_maps_say(kind: str) -> None:
+    pair = RENDERED[kind](np.random.default_rng(4))
+    first, second = (picture.astype(float) for picture in pair.pictures)
+    rng = np.random.default_rng(0)
+    before = rng.integers([40, 40], [600, 440], (4000, 2))
+    rays = np.column_stack([before, np.ones(len(before))])
+    layer = pair.layers[before[:, 1], before[:, 0]]
+    after = np.einsum("nij,nj->ni", pair.maps[layer], rays)
+    after = after[:, :2] / after[:, 2:]
+    points = np.stack([before, after], axis=1)
+    assert (pair.truth(points) == np.where(pair.moving & (layer == layer.max()), BODY, 1)).all()
+    wrong = points + np.array([[0.0, 0.0], [0.0, 3.0]])
+    assert (pair.truth(wrong) == 0).all()
+    shown = np.rint(after).astype(int)
+    shown_inside = ((shown >= 0) & (shown < [640, 480])).all(axis=1)
+    (x1, y1), (x2, y2) = before[shown_inside].T, shown[shown_inside].T
+    assert np.corrcoef(first[y1, x1], second[y2, x2])[0, 1] > 0.6

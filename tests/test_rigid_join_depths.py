@@ -49,7 +49,6 @@ def test_displacement_along_the_lines_is_inverse_depth(roll: float) -> None:
     fit = fit_epipolar(first, second, np.ones(80), 1e-5)
     coordinates = EpipolarCoordinates.of(fit, first, second, 1e-5)
     found = coordinates.inverse_depth(first, second)
-    assert np.abs(found.across).max() < 1e-3
     inverse = 1 / after[:, 2]
     rows = np.column_stack([inverse, first, np.ones(80)])
     misfit = found.values - rows @ np.linalg.lstsq(rows, found.values, rcond=None)[0]

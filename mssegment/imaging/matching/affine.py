@@ -11,15 +11,22 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-import numpy.typing as npt
 
 from mssegment.imaging.corners import select_apart
 from mssegment.imaging.matching.descriptors import compressed, describe
-from mssegment.imaging.matching.lucas_kanade import Registered, Windows, correlations, register
+from mssegment.imaging.matching.local_maps import (
+    MATCH_DISTANCE,
+    PREDICTED_DRIFT,
+    AffineMatches,
+    credible,
+    matching_level,
+)
+from mssegment.imaging.matching.lucas_kanade import Windows, correlations, register
 from mssegment.imaging.matching.nearest import Pairs, mutual
 from mssegment.imaging.matching.orientation import dominant_directions
 from mssegment.imaging.matching.pyramid_corners import PyramidCorners, two_views
 from mssegment.imaging.matching.resampling import Indices
+from mssegment.imaging.matching.rivals import without_rivals
 from mssegment.imaging.matching.support import (
     distance_to_matches,
     has_support,
@@ -27,10 +34,10 @@ from mssegment.imaging.matching.support import (
     predict,
 )
 from mssegment.imaging.pictures import GreyPicture
-from mssegment.imaging.pyramid import FACTOR, size_unit
+from mssegment.imaging.pyramid import size_unit
 from mssegment.neighbours import pairs_within
 from mssegment.progress import track
-from mssegment.records import Corners, Floats, Record, Tracks
+from mssegment.records import Corners, Floats, Tracks
 
 RATIO = 0.85
 """Of the ratio test (Lowe, IJCV 2004)."""
@@ -39,12 +46,6 @@ SAME_CORNER_DISTANCE = 4.0
 MAX_DRIFT = 8.0
 """Pixels of the level by which registration may move a match of two descriptors."""
 MIN_CORRELATION = 0.8
-SINGULAR_VALUES = (0.35, 2.8)
-"""Range of the singular values of a credible local affine map."""
-MAX_ANISOTROPY = 3.0
-"""Largest ratio of the two singular values."""
-MATCH_DISTANCE = 3.0
-"""Pixels; of matches nearer to each other only the best is kept."""
 PAIRS_PER_PLACE = 2
 """Pairs of patches that are registered at one place in view 1."""
 SUPPORT = (2, 4)
@@ -54,41 +55,8 @@ GROWTH_NEIGHBOURS = 3
 """Nearest matches that predict the position of an unmatched corner."""
 GROWTH_RADIUS = 40.0
 """Pixels, in a picture of 640 x 480, within which a match predicts."""
-GROWTH_MAX_DRIFT = 5.0
-"""Pixels of the level by which registration may move a predicted match."""
 PROMISING_CORRELATION = 0.4
 """Correlation at a predicted position that makes registration worthwhile."""
-
-
-class _AffineMatches(Record, frozen=True):
-    """Matches: positions [n, 2] in both views, local affine maps, correlation.
-
-    ``grown_in`` [n] is the round of growth that found each, 0 for those of the descriptors.
-    """
-
-    first: Floats
-    second: Floats
-    affines: Floats
-    correlation: Floats
-    grown_in: Indices
-
-    def __getitem__(self, rows: Indices | npt.NDArray[np.bool_]) -> _AffineMatches:
-        return _AffineMatches(
-            self.first[rows],
-            self.second[rows],
-            self.affines[rows],
-            self.correlation[rows],
-            self.grown_in[rows],
-        )
-
-    def joined_with(self, other: _AffineMatches) -> _AffineMatches:
-        return _AffineMatches(
-            np.concatenate([self.first, other.first]),
-            np.concatenate([self.second, other.second]),
-            np.concatenate([self.affines, other.affines]),
-            np.concatenate([self.correlation, other.correlation]),
-            np.concatenate([self.grown_in, other.grown_in]),
-        )
 
 
 def match(
@@ -131,13 +99,13 @@ def match(
         found = _confirmed(found.joined_with(_grow(first, second, found, number, correlation)))
         if not (found.grown_in == number).any():
             break
-    found = found[np.argsort(-found.correlation, kind="stable")]
+    found = _best_first(_confirmed(without_rivals(first, second, found, correlation)))
     return Tracks(points=np.stack([found.first, found.second], axis=1), affines=found.affines)
 
 
 def _descriptor_matches(
     first: PyramidCorners, second: PyramidCorners, ratio: float, correlation: float
-) -> _AffineMatches:
+) -> AffineMatches:
     """Distinctive mutual pairs of patches that registration confirms."""
     corner1, angle1 = dominant_directions(first)
     corner2, angle2 = dominant_directions(second)
@@ -159,8 +127,8 @@ def _descriptor_matches(
         levels_second=second.levels[c2],
     )
     refined = register(first.pyramid, second.pyramid, windows)
-    good = _credible(windows, refined, second, MAX_DRIFT, correlation)
-    return _as_matches(windows, refined, 0)[good]
+    good = credible(windows, refined, second, MAX_DRIFT, correlation)
+    return AffineMatches.of(windows, refined, 0)[good]
 
 
 def _uncrowded(pairs: Pairs, places: Floats) -> Pairs:
@@ -175,43 +143,14 @@ def _uncrowded(pairs: Pairs, places: Floats) -> Pairs:
     return Pairs(pairs.first[kept], pairs.second[kept], pairs.correlation[kept])
 
 
-def _credible(
-    windows: Windows,
-    refined: Registered,
-    second: PyramidCorners,
-    max_drift: float,
-    correlation: float,
-) -> npt.NDArray[np.bool_]:
-    """Which registrations stayed close, correlate, and have a map that a surface can have."""
-    scales = np.array([level.scale for level in second.pyramid])[windows.levels_second]
-    moved = np.linalg.norm(refined.second - windows.second, axis=1)
-    values = np.linalg.svd(refined.affines, compute_uv=False)
-    low, high = SINGULAR_VALUES
-    plausible = (
-        (values[:, 1] > low)
-        & (values[:, 0] < high)
-        & (values[:, 0] < MAX_ANISOTROPY * values[:, 1])
-    )
-    height, width = second.pyramid[0].grey.shape
-    inside = ((refined.second >= 0) & (refined.second <= (width - 1, height - 1))).all(axis=1)
-    close = moved < max_drift * scales
-    return np.asarray(plausible & inside & close & (refined.correlation > correlation))
+def _best_first(found: AffineMatches) -> AffineMatches:
+    """The matches in the order of their correlation."""
+    return found[np.argsort(-found.correlation, kind="stable")]
 
 
-def _as_matches(windows: Windows, refined: Registered, grown_in: int) -> _AffineMatches:
-    """Registered windows as matches of one round."""
-    return _AffineMatches(
-        windows.first,
-        refined.second,
-        refined.affines,
-        refined.correlation,
-        np.full(len(windows.first), grown_in),
-    )
-
-
-def _confirmed(found: _AffineMatches) -> _AffineMatches:
+def _confirmed(found: AffineMatches) -> AffineMatches:
     """The best match of every place, and of these the ones that their neighbours confirm."""
-    found = found[np.argsort(-found.correlation, kind="stable")]
+    found = _best_first(found)
     found = found[select_apart(found.first, MATCH_DISTANCE)]
     for min_support in SUPPORT:
         found = found[has_support(found.first, found.second, found.affines, min_support)]
@@ -221,10 +160,10 @@ def _confirmed(found: _AffineMatches) -> _AffineMatches:
 def _grow(
     first: PyramidCorners,
     second: PyramidCorners,
-    found: _AffineMatches,
+    found: AffineMatches,
     number: int,
     correlation: float,
-) -> _AffineMatches:
+) -> AffineMatches:
     """Matches for unmatched corners, at the positions that their neighbours predict.
 
     Round ``number`` uses the neighbours found in the round before: older ones have been tried.
@@ -245,22 +184,15 @@ def _grow(
         second=predict(first.points[corner], found.first[near], found.second[near], affines),
         affines=affines,
         levels=first.levels[corner],
-        levels_second=_matching_level(second, first.scales[corner], affines),
+        levels_second=matching_level(second, first.scales[corner], affines),
     )
     likely = correlations(first.pyramid, second.pyramid, windows)
     best = _best_of_each(corner, likely)
     best = best[likely[best] > PROMISING_CORRELATION]
     windows, corner = windows[best], corner[best]
     refined = register(first.pyramid, second.pyramid, windows)
-    good = _credible(windows, refined, second, GROWTH_MAX_DRIFT, correlation)
-    return _as_matches(windows, refined, number)[good]
-
-
-def _matching_level(second: PyramidCorners, scales: Floats, affines: Floats) -> Indices:
-    """The level of view 2 on which a window of that scale has about the same number of pixels."""
-    grown = scales * np.sqrt(np.maximum(np.abs(np.linalg.det(affines)), 1e-6))
-    level = np.rint(np.log(grown) / np.log(FACTOR)).astype(np.intp)
-    return np.asarray(np.clip(level, 0, len(second.pyramid) - 1))
+    good = credible(windows, refined, second, PREDICTED_DRIFT, correlation)
+    return AffineMatches.of(windows, refined, number)[good]
 
 
 def _best_of_each(group: Indices, score: Floats) -> Indices:

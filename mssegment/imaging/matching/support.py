@@ -39,9 +39,31 @@ def has_support(
     -------
     bool array [n]
     """
-    count = min(SUPPORTING_MATCHES, len(first) - 1)
-    if count < min_support:
+    if len(first) - 1 < min_support:
         return np.zeros(len(first), bool)
+    return np.asarray(_supported(first, second, affines)[1].sum(axis=1) >= min_support)
+
+
+def supporting_pairs(first: Floats, second: Floats, affines: Floats) -> tuple[Indices, Indices]:
+    """Pairs of matches, both among the nearest of the other, that support each other.
+
+    Parameters are those of ``has_support``; the indices of both are [k], in either order.
+    """
+    if len(first) < 2:
+        return np.zeros(0, np.intp), np.zeros(0, np.intp)
+    index, supported = _supported(first, second, affines)
+    one, slot = np.nonzero(supported)
+    other = index[one, slot]
+    forth, back = one * len(first) + other, other * len(first) + one
+    both = np.isin(forth, back)
+    return one[both], other[both]
+
+
+def _supported(
+    first: Floats, second: Floats, affines: Floats
+) -> tuple[Indices, npt.NDArray[np.bool_]]:
+    """The nearest matches [n, k] of each, and whether each of them supports it."""
+    count = min(SUPPORTING_MATCHES, len(first) - 1)
     distance, index = nearest(first, first, count + 1)
     distance, index = distance[:, 1:], index[:, 1:]
     tolerance = np.maximum(MIN_TRANSFER_TOLERANCE, TRANSFER_TOLERANCE_SLOPE * distance)
@@ -51,7 +73,7 @@ def has_support(
         along_x, along_y = affines[:, row, 0], affines[:, row, 1]
         predicted = along_x.take(index) * x + along_y.take(index) * y + at_origin.take(index)
         squared_error += (predicted - second[:, row, None]) ** 2
-    return np.asarray((squared_error < tolerance**2).sum(axis=1) >= min_support)
+    return index, np.asarray(squared_error < tolerance**2)
 
 
 def predict(points: Floats, first: Floats, second: Floats, affines: Floats) -> Floats:

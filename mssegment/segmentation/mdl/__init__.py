@@ -4,7 +4,8 @@
 - ``labelling``, ``contact``: what the labels cost;
 - ``degrees``, ``description``: what the parameters cost, and the total;
 - ``candidates``: from modes to candidate motions;
-- ``search``, ``refinement``: the set of motions that saves most;
+- ``search``, ``refinement``, ``pieces``: the set of motions that saves most;
+- ``preparation``, ``choice``, ``final_labels``: from the problem to the result;
 - ``granularity``, ``continuity``: whether planar surfaces are one object.
 """
 

@@ -21,6 +21,7 @@ from mssegment.geometry.epipolar_fit import (
     mapped_points,
 )
 from mssegment.geometry.robust import student_t_weights
+from mssegment.geometry.rotations import skew
 from mssegment.models import Flags
 from mssegment.records import Floats, Record
 from mssegment.segmentation.rigid_join.depths import (
@@ -59,7 +60,8 @@ class _Group(Record, frozen=True):
     """The matches [n, 2] of a group (a sample), the size of the group, and its weight for each.
 
     ``plane`` is compatible with the epipolar geometry that fits the group alone, whose evidence is
-    ``own``; ``misfits`` [n, 2] are those about it, zero if they are relief.
+    ``own``; ``misfits`` [n, 2] are those about it, zero if they are relief. ``rest`` is the
+    homography of what does not move.
     """
 
     name: int
@@ -70,6 +72,7 @@ class _Group(Record, frozen=True):
     plane: Floats
     own: float
     misfits: Floats
+    rest: Floats
 
 
 class _Hypothesis(Record, frozen=True):
@@ -144,11 +147,13 @@ def _groups(
     centres = matches.mean(axis=0)
     unit = math.sqrt(float(((matches - centres) ** 2).sum(axis=-1).mean()) / 2)
     normalized, scale = (points - centres) / unit, SCALE_OF_NOISE * noise / unit
-    groups = [_group(normalized[own], name, scale) for name, own in members.items()]
+    rest = np.eye(3)
+    rest[:2, 2] = (centres[0] - centres[1]) / unit
+    groups = [_group(normalized[own], name, scale, rest) for name, own in members.items()]
     return sorted(groups, key=lambda group: -group.size), scale
 
 
-def _group(matches: Floats, name: int, scale: float) -> _Group:
+def _group(matches: Floats, name: int, scale: float, rest: Floats) -> _Group:
     size = len(matches)
     sample = matches[np.linspace(0, size - 1, min(size, SAMPLED_MATCHES)).round().astype(int)]
     first, second = sample[:, 0], sample[:, 1]
@@ -161,7 +166,7 @@ def _group(matches: Floats, name: int, scale: float) -> _Group:
     misfits = shifts if _is_flat(shifts, scale) else np.zeros_like(shifts)
     parallax = Parallax(places, shifts, same, np.array([weight]), scale, misfits)
     table = EpipoleTable.of(parallax, fit.epipole)
-    return _Group(name, first, second, size, weight, plane, table.log_mean([0]), misfits)
+    return _Group(name, first, second, size, weight, plane, table.log_mean([0]), misfits, rest)
 
 
 def _is_flat(misfits: Floats, scale: float) -> bool:
@@ -179,7 +184,7 @@ def _body_of_first(groups: Sequence[_Group], scale: float) -> _Hypothesis:
     """The body of the first of the groups, by the best of several epipolar geometries."""
     count = len(groups)
     best = _Hypothesis((), 0.0)
-    waiting = [tuple(range(count))]
+    waiting: list[tuple[int, ...]] = [(), tuple(range(count))]
     if count > 2:
         waiting += [(0, k) for k in range(1, count)]
     if count > 3:
@@ -198,12 +203,18 @@ def _body_of_first(groups: Sequence[_Group], scale: float) -> _Hypothesis:
     return best
 
 
-def _table(groups: Sequence[_Group], fit: EpipolarFit, scale: float) -> tuple[EpipoleTable, Floats]:
+def _table(
+    groups: Sequence[_Group], fit: EpipolarFit | None, scale: float
+) -> tuple[EpipoleTable, Floats]:
     """The likelihoods under one epipole, and the evidence [G] for each group as its own body.
 
-    Parallax is relative to the plane of the first group with this epipolar geometry.
+    Parallax is relative to the plane of the first group with this epipolar geometry; without one,
+    to infinity, where nothing moves unless the camera turns.
     """
-    plane = compatible_plane(fit.matrix, groups[0].first, groups[0].second, scale)
+    plane, epipole = groups[0].rest, np.array([1.0, 0.0, 0.0])
+    if fit is not None:
+        plane = compatible_plane(fit.matrix, groups[0].first, groups[0].second, scale)
+        epipole = fit.epipole
     places = [mapped_points(plane, group.first)[0] for group in groups]
     parallax = Parallax(
         np.concatenate(places),
@@ -213,7 +224,7 @@ def _table(groups: Sequence[_Group], fit: EpipolarFit, scale: float) -> tuple[Ep
         scale,
         np.concatenate([group.misfits for group in groups]),
     )
-    table = EpipoleTable.of(parallax, fit.epipole)
+    table = EpipoleTable.of(parallax, epipole)
     apart = np.array(
         [
             max(table.log_mean([k]), _evidence_apart(group, place, scale))
@@ -225,11 +236,15 @@ def _table(groups: Sequence[_Group], fit: EpipolarFit, scale: float) -> tuple[Ep
 
 def _members(groups: Sequence[_Group], fitted_to: Sequence[int], scale: float) -> _Hypothesis:
     """The groups that belong to the first one with the epipolar geometry of some of them."""
-    fit = min(_fits([groups[k] for k in fitted_to], scale), key=lambda fit: fit.cost)
+    fit = None
+    if fitted_to:
+        fit = min(_fits([groups[k] for k in fitted_to], scale), key=lambda fit: fit.cost)
     table, apart = _table(groups, fit, scale)
-    depths = _depths(groups, fit, scale)
     total = table.values[:, 0] + np.maximum(table.values[:, 1:], apart[1:]).sum(axis=1)
     at = int(total.argmax())
+    if fit is None:
+        fit = EpipolarFit(skew(table.epipoles[at]), 0.0)
+    depths = _depths(groups, fit, scale)
     members = [k for k in range(1, len(groups)) if table.values[at, k] > apart[k]]
     while members:
         evidence = table.log_mean([0, *members])

@@ -36,14 +36,11 @@ class InverseDepth(Record, frozen=True):
     values : ndarray [P]
         Displacement along the epipolar line from where the homography of ``EpipolarCoordinates``
         moves the point, over ``distances``: an affine function of the inverse depth.
-    across : ndarray [P]
-        Displacement across the epipolar line.
     distances : ndarray [P]
         Distance from the epipole, over its median: one unit of ``values`` is so far.
     """
 
     values: Floats
-    across: Floats
     distances: Floats
 
 
@@ -146,7 +143,6 @@ class EpipolarCoordinates(Record, frozen=True):
         distance /= self.distance
         return InverseDepth(
             (shift * direction).sum(axis=1) / distance,
-            shift[:, 0] * direction[:, 1] - shift[:, 1] * direction[:, 0],
             distance,
         )
 

@@ -100,10 +100,14 @@ class Parallax(Record, frozen=True):
 
 
 class EpipoleTable(Record, frozen=True):
-    """Log-likelihood [E, G] of groups in cells of the half-sphere, and logs [E] of their shares."""
+    """Log-likelihood [E, G] of groups in cells of the half-sphere, and logs [E] of their shares.
+
+    ``epipoles`` [E, 3] are the centres of the cells, in homogeneous coordinates of the places.
+    """
 
     values: Floats
     log_shares: Floats
+    epipoles: Floats
 
     @classmethod
     def of(cls, parallax: Parallax, epipole: Floats) -> EpipoleTable:
@@ -125,7 +129,8 @@ class EpipoleTable(Record, frozen=True):
             cells = np.concatenate([cells[~divided], new])
             fresh = parallax.log_likelihood(_directions(new))
             values = np.concatenate([values[~divided], fresh])
-        return cls(values, np.log(cells[:, 2] * cells[:, 3] / (2 * np.pi)))
+        epipoles = _directions(cells) / [1.0, 1.0, PLANE_EXTENT]
+        return cls(values, np.log(cells[:, 2] * cells[:, 3] / (2 * np.pi)), epipoles)
 
     def log_mean(self, groups: list[int]) -> float:
         """Log of the mean, over all epipoles, of the likelihood of these groups together."""
