@@ -99,7 +99,8 @@ def match(
         found = _confirmed(found.joined_with(_grow(first, second, found, number, correlation)))
         if not (found.grown_in == number).any():
             break
-    found = _best_first(_confirmed(without_rivals(first, second, found, correlation)))
+    kept = without_rivals(first, second, found, correlation)
+    found = _best_first(found if kept is found else _confirmed(kept))
     return Tracks(points=np.stack([found.first, found.second], axis=1), affines=found.affines)
 
 

@@ -30,6 +30,7 @@ from mssegment.imaging.matching.support import predict, supporting_pairs
 from mssegment.imaging.pyramid import size_unit
 from mssegment.neighbours import nearest
 from mssegment.records import Floats
+from mssegment.special import distinct
 
 Flags = npt.NDArray[np.bool_]
 SPACINGS = (0.0, 20.0, 40.0, 80.0)
@@ -95,7 +96,7 @@ def groups(found: AffineMatches, unit: float) -> Indices:
         np.minimum.at(lowest, edges[:, 1], part[edges[:, 0]])
         lowest = lowest[lowest]
         if np.array_equal(lowest, part):
-            return np.asarray(np.unique(part, return_inverse=True)[1], dtype=np.intp)
+            return np.asarray(np.searchsorted(distinct(part), part), dtype=np.intp)
         part = lowest
 
 
@@ -110,7 +111,7 @@ def _given_way(
     tested, contested = np.zeros((2, len(part)), bool)
     moved = [found[np.zeros(0, np.intp)]]
     sources = []
-    for group in np.unique(rival[rival >= 0]):
+    for group in distinct(rival[rival >= 0]):
         rows = np.flatnonzero(rival == group)
         own = np.flatnonzero(part == group)
         basis = found[own[select_apart(found.first[own], PREDICTING_APART * unit)]]

@@ -54,8 +54,8 @@ def supporting_pairs(first: Floats, second: Floats, affines: Floats) -> tuple[In
     index, supported = _supported(first, second, affines)
     one, slot = np.nonzero(supported)
     other = index[one, slot]
-    forth, back = one * len(first) + other, other * len(first) + one
-    both = np.isin(forth, back)
+    forth, back = one * len(first) + other, np.sort(other * len(first) + one)
+    both = back.take(np.searchsorted(back, forth), mode="clip") == forth
     return one[both], other[both]
 
 
