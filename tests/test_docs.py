@@ -64,6 +64,11 @@ def test_every_command_has_help_and_an_example(name: str) -> None:
             assert parameter.help, f"{name} {parameter.opts}"
 
 
+def test_the_readme_lists_every_command() -> None:
+    table = README.split("## Commands")[1].split("\n## ")[0]
+    assert re.findall(r"^\| `mssegment ([a-z]+)` \|", table, re.M) == list(COMMANDS)
+
+
 @pytest.mark.parametrize("name", COMMANDS)
 def test_the_options_of_every_example_exist(name: str) -> None:
     example = command_named(name).epilog or ""
