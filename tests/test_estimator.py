@@ -8,6 +8,7 @@ import sys
 
 import numpy as np
 import pytest
+import scipy.stats
 
 from mssegment.errors import ConfigurationError, DataError
 from mssegment.manifolds import Euclidean, Rotations, Sphere, from_name
@@ -255,10 +256,38 @@ def test_outliers_leave_the_densest_mode_where_the_inliers_are(name, seed):
     assert error <= manifold.dist(mean, centre)[0] + 2.5 * noise
 
 
-def test_auto_bandwidth_is_the_lower_quartile_of_the_rule():
+def test_auto_bandwidth_is_the_rule():
     points = np.concatenate([np.arange(25.0), 100.0 + 3.0 * np.arange(75)])[:, None]
     found = auto_bandwidth(Euclidean(1), points, np.random.default_rng(0))
     distances = np.sort(np.abs(points - points.T), axis=1)[:, 10]
-    assert found == pytest.approx(np.quantile(distances, 0.25))
+    deviation = np.quantile(distances, 0.25) / scipy.stats.chi(1).ppf(0.3)
+    assert found == pytest.approx(5 / 3 * deviation * (4 / 5 / (100 / 3)) ** (1 / 7))
     weighted = auto_bandwidth(Euclidean(1), points, np.random.default_rng(0), np.ones(100))
     assert weighted == pytest.approx(found)
+
+
+def chain_of_clusters(manifold, rng, per=70, deviation=0.05, apart=6.0):
+    """Three normal clusters, each so many standard deviations from the next."""
+    centre = manifold.random_point(rng, 1)[0]
+    step = manifold.random_tangent(centre, rng)
+    step *= apart * deviation / manifold.norm(centre, step)
+    parts = []
+    for k in range(3):
+        own = np.broadcast_to(manifold.exp(centre, k * step), (per, *centre.shape))
+        tangents = manifold.random_tangent(own, rng)
+        radii = deviation * np.sqrt(rng.chisquare(manifold.dim, per)) / manifold.norm(own, tangents)
+        parts.append(manifold.exp(own, radii.reshape(-1, *[1] * centre.ndim) * tangents))
+    return np.concatenate(parts)
+
+
+@pytest.mark.parametrize(
+    "name",
+    ["euclidean(1)", "euclidean(2)", "euclidean(8)", "so2", "so3", "spd(2)", "sphere(2)"],
+)
+def test_auto_bandwidth_tells_clusters_in_any_dimension(name):
+    manifold = from_name(name)
+    counts = [
+        MeanShift(manifold).fit(chain_of_clusters(manifold, np.random.default_rng(seed))).counts_
+        for seed in range(6)
+    ]
+    assert sum(np.count_nonzero(count > 3) == 3 for count in counts) >= 5

@@ -189,3 +189,48 @@ def test_a_sphere_of_directions_by_its_family(rng):
     directions = Sphere(2).project(np.array([0.0, 0.0, 1.0]) + 0.05 * rng.standard_normal((40, 3)))
     found = fuse(directions.round(4), "sphere")
     assert found.modes[0].point[2] > 0.99
+
+
+@pytest.mark.parametrize(
+    ("name", "count", "outliers"),
+    [
+        ("euclidean(1)", 40, 0.0),
+        ("euclidean(1)", 200, 0.6),
+        ("euclidean(2)", 300, 0.8),
+        ("so2", 300, 0.8),
+        ("so3", 40, 0.0),
+        ("so3", 500, 0.85),
+    ],
+)
+def test_the_error_is_that_of_the_inliers_whatever_the_outliers(name, count, outliers):
+    manifold, own, best = from_name(name), [], []
+    for seed in range(8):
+        rng = np.random.default_rng(seed)
+        good = round(count * (1.0 - outliers))
+        true = manifold.random_point(rng, 1)[0]
+        at = np.broadcast_to(true, (good, *true.shape))
+        tangents = manifold.random_tangent(at, rng)
+        radii = 0.05 * np.sqrt(rng.chisquare(manifold.dim, good)) / manifold.norm(at, tangents)
+        tangents = radii.reshape(-1, *[1] * true.ndim) * tangents
+        others = manifold.random_point(rng, count - good)
+        if isinstance(manifold, Euclidean):
+            others = true + rng.uniform(-3.0, 3.0, (count - good, manifold.dim))
+        found = fuse(np.concatenate([manifold.exp(at, tangents), others]), manifold)
+        own.append(float(manifold.dist(found.modes[0].point, true)))
+        best.append(float(manifold.norm(true, tangents.mean(axis=0))))
+    assert np.mean(own) < 1.5 * np.mean(best)
+
+
+def test_two_values_of_different_precision(rng):
+    points = np.concatenate(
+        [
+            rng.normal(0.0, 0.05, (100, 2)),
+            rng.normal(1.5, 0.25, (100, 2)),
+            rng.uniform(-3.0, 3.0, (100, 2)),
+        ]
+    )
+    modes = sorted(fuse(points, "euclidean").modes, key=lambda mode: mode.point[0])
+    assert len(modes) == 2
+    for mode, value, deviation in zip(modes, (0.0, 1.5), (0.05, 0.25), strict=True):
+        np.testing.assert_allclose(mode.point, value, atol=4.0 * deviation / 10.0)
+        np.testing.assert_allclose(np.sqrt(np.diag(mode.covariance)), deviation, rtol=0.4)

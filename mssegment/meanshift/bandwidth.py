@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from mssegment.manifolds import Manifold
 from mssegment.records import Floats
-from mssegment.special import median, quantile
+from mssegment.special import chi_square_quantile, median, quantile
 
 SAMPLE_SIZE = 256
 """Points whose neighbour distances are computed: their quantiles hardly change with more."""
@@ -24,10 +26,16 @@ SMALL_CHANGE = 2.0**-26
 COINCIDENT = 0.25
 """Where most points coincide, h is this share of the smallest distance, at which two equal heaps of
 points are two modes (they are up to h = half their distance)."""
-AUTO_FRACTION, AUTO_SHARE, AUTO_CONSTANT = 0.1, 0.25, 1.0
+AUTO_FRACTION, AUTO_SHARE = 0.1, 0.25
 """The rule ``auto``: the lower quartile of the distances to the 0.1 n-th neighbour. A quartile, as
 the densest quarter of the points is in clusters even where most are outliers; a tenth, since a
 cluster has more points than that."""
+CLUSTER_SHARE = 1.0 / 3.0
+"""The share of the points that a cluster is taken to have, to tell its standard deviation from that
+distance, and how many points it has."""
+OVER_REFERENCE = 5.0 / 3.0
+"""``auto`` over the bandwidth that is best for the gradient of a normal density: with that one, a
+cluster has some modes of single points far from its centre."""
 AUTO_SAMPLE = 2048
 """Points over which that quartile is taken; up to as many, it does not depend on their order."""
 
@@ -147,7 +155,11 @@ def _one_by_one(
 
 
 def auto_bandwidth(
-    manifold: Manifold, points: Floats, rng: np.random.Generator, weights: Floats | None = None
+    manifold: Manifold,
+    points: Floats,
+    rng: np.random.Generator,
+    weights: Floats | None = None,
+    share: float = AUTO_SHARE,
 ) -> float:
     """The bandwidth of ``MeanShift(bandwidth="auto")``.
 
@@ -161,32 +173,73 @@ def auto_bandwidth(
         Draws 2048 of them where there are more.
     weights
         The weights of the points [n]: how often each counts.
+    share
+        The quantile of the neighbour distances: clusters have at least so many of the points.
 
     Returns
     -------
     float
-        The lower quartile, over the points, of the distance to the 0.1 n-th neighbour.
+        h: from that quantile, over the points, of the distance to the 0.1 n-th neighbour, the
+        standard deviation of a normal cluster with a third of the points; 5/3 of the bandwidth
+        that estimates the gradient of its density best. Where most points coincide, as for
+        ``nearest_neighbour_bandwidth``.
+
+    References
+    ----------
+    J. E. Chacon, T. Duong and M. P. Wand, "Asymptotics for general multivariate kernel density
+    derivative estimators", Statistica Sinica 21, 2011.
     """
     if weights is None:
         return nearest_neighbour_bandwidth(
             manifold,
             points,
             rng,
-            AUTO_CONSTANT,
+            _over_neighbour_distance(manifold.dim, len(points)),
             AUTO_FRACTION,
-            AUTO_SHARE,
+            share,
             AUTO_SAMPLE,
             POINTS_ROUNDING,
         )
     counts = weights if np.all(weights == np.round(weights)) else weights / weights.mean()
     distances = neighbour_distances(manifold, points, AUTO_FRACTION, counts)
-    found = _weighted_quantile(distances, counts, AUTO_SHARE)
+    found = _weighted_quantile(distances, counts, share)
     if found > 0:
-        return AUTO_CONSTANT * found
+        return _over_neighbour_distance(manifold.dim, float(counts.sum())) * found
     sample = points[:: -(-len(points) // SAMPLE_SIZE)]
     noise = ROUNDING * float(manifold.dist(sample, sample).max(initial=0.0))
     noise = max(noise, POINTS_ROUNDING * _unit_of_distance(manifold, sample, noise))
-    return COINCIDENT * _one_by_one(manifold, points, sample, 0, AUTO_SHARE, noise)[1]
+    return COINCIDENT * _one_by_one(manifold, points, sample, 0, share, noise)[1]
+
+
+def _over_neighbour_distance(dim: int, count: float) -> float:
+    """The rule ``auto`` over the distance to the 0.1 n-th neighbour, for ``count`` points.
+
+    That distance, near the centre of a normal cluster, is a quantile of a chi distribution, in
+    standard deviations: 0.39 in one dimension, 2.0 in six.
+    """
+    radius = math.sqrt(chi_square_quantile(dim, AUTO_FRACTION / CLUSTER_SHARE))
+    return _over_deviation(dim, count) / radius
+
+
+def _over_deviation(dim: int, count: float) -> float:
+    """The rule ``auto`` over the standard deviation of a cluster, for ``count`` points in all.
+
+    The bandwidth that estimates the gradient of a normal density best, and with it the mode, is
+    (4 / (d + 4))^(1 / (d + 6)) n^(-1 / (d + 6)) standard deviations.
+    """
+    own = max(CLUSTER_SHARE * count, 1.0)
+    return float(OVER_REFERENCE * (4.0 / ((dim + 4) * own)) ** (1.0 / (dim + 6)))
+
+
+def widest_deviation(bandwidth: float, dim: int, count: float) -> float:
+    """The standard deviation of a cluster with all of ``count`` points that has this bandwidth.
+
+    The rule ``auto`` takes it to have a third of them, and so to be less wide.
+    """
+    wider = chi_square_quantile(dim, AUTO_FRACTION / CLUSTER_SHARE) / chi_square_quantile(
+        dim, AUTO_FRACTION
+    )
+    return math.sqrt(wider) * bandwidth / _over_deviation(dim, count)
 
 
 def neighbour_distances(

@@ -64,9 +64,10 @@ class MeanShift(Parameters):
         A manifold, its name such as ``"grassmann(10,3)"``, or the name of a family such as
         ``"euclidean"`` or ``"se3"``, whose size is that of the points.
     bandwidth
-        h, in the manifold's distance. ``"auto"`` takes the lower quartile of the distances to the
-        0.1 n-th neighbour; ``"knn"`` gives each point a bandwidth of its own, the distance to that
-        neighbour; an array has one for each point.
+        h, in the manifold's distance. ``"auto"`` suits normal clusters in any dimension
+        (:func:`~mssegment.meanshift.bandwidth.auto_bandwidth`); ``"knn"`` gives each point a
+        bandwidth of its own, the distance to its 0.1 n-th neighbour; an array has one for each
+        point.
     kernel
         ``"gaussian"``, ``"truncated"``, ``"epanechnikov"``, or a
         :class:`~mssegment.meanshift.Kernel`.

@@ -6,6 +6,7 @@ and the measurements near a mode, its support, give a mean and a covariance in t
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
@@ -14,9 +15,14 @@ import numpy.typing as npt
 from mssegment.blas import with_one_thread
 from mssegment.errors import DataError
 from mssegment.manifolds import Manifold, MatrixGroup
-from mssegment.meanshift.bandwidth import AUTO_FRACTION, AUTO_SHARE, neighbour_distances
+from mssegment.meanshift.bandwidth import (
+    AUTO_FRACTION,
+    auto_bandwidth,
+    neighbour_distances,
+    widest_deviation,
+)
 from mssegment.meanshift.estimator import MeanShift
-from mssegment.meanshift.validation import InvalidPoints, numbers
+from mssegment.meanshift.validation import InvalidPoints, generator, numbers
 from mssegment.records import Floats, Integers, Record
 from mssegment.special import chi_square_quantile, quantile
 
@@ -24,8 +30,13 @@ MAX_CORRECTION = 0.05
 """The largest ``constraint_violation`` that projection corrects: a rotation written with two
 decimals has 0.02. More is no rounding, but another convention of the numbers."""
 SUPPORT = 0.99
-"""The share of measurements of a value that its support keeps, if they are normally distributed."""
-REWEIGHTINGS = 20
+"""The share of the measurements of a value, if they are normal, in whose ellipsoid others are
+counted."""
+MAX_ROUNDS, SAME_LIKELY = 100, 1e-3
+"""Rounds of expectation and maximization, which end when no probability changes by more."""
+DENSEST = 0.1
+"""Values have at least this share of the measurements: the bandwidth is that of the densest tenth,
+where most measurements are wrong."""
 MIN_SHARE = 0.05
 """A mode with less support than this share of the measurements is not reported by default."""
 
@@ -102,7 +113,7 @@ def fuse(
     sample_weight
         Nonnegative weights of the measurements [n].
     bandwidth
-        h, in the manifold's distance, or ``"auto"``.
+        h, in the manifold's distance, or ``"auto"``: right where a tenth of the measurements agree.
     length_scale
         For rigid motions named without one: the length that weighs as much as a radian. ``"auto"``
         is the ratio of the spreads of translations and rotations, so that the unit does not matter.
@@ -143,12 +154,17 @@ def fuse(
     elif isinstance(space, MatrixGroup):
         space = space.with_length_scale(float(length_scale))
     weights = estimator._weights(sample_weight, len(points))
-    estimator.set_params(manifold=space).fit(points, sample_weight=sample_weight)
+    if isinstance(bandwidth, str) and bandwidth == "auto":
+        rng = generator(random_state)
+        bandwidth = auto_bandwidth(space, points, rng, weights, DENSEST)
+    estimator.set_params(manifold=space, bandwidth=bandwidth)
+    estimator.fit(points, sample_weight=sample_weight)
     every = np.ones(len(points)) if weights is None else weights
+    reached = np.bincount(estimator.labels_, weights=every, minlength=len(estimator.modes_))
     found = [
         refine(space, points, every, mode, float(density), float(np.min(estimator.bandwidth_)))
-        for mode, density in zip(estimator.modes_, estimator.densities_, strict=True)
-        if density * every.sum() > min_share * every.sum() * 0.1
+        for mode, density, own in zip(estimator.modes_, estimator.densities_, reached, strict=True)
+        if own >= 0.5 * min_share * every.sum()
     ]
     modes = _distinct(found, min_share * float(every.sum()))
     labels = np.full(len(points), -1, dtype=np.int64)
@@ -183,7 +199,7 @@ def project_measurements(manifold: Manifold, raw: Floats) -> tuple[Floats, float
 def with_length_scale(manifold: Manifold, points: Floats) -> Manifold:
     """The group with the length that makes rotations and translations count alike.
 
-    That is the ratio of the lower quartiles of the distances to the 0.1 n-th neighbour, over the
+    That is the ratio of the lower deciles of the distances to the 0.1 n-th neighbour, over the
     translations and over the rest alone. Other manifolds, and groups that have a length scale, are
     returned as they are.
     """
@@ -201,7 +217,7 @@ def with_length_scale(manifold: Manifold, points: Floats) -> Manifold:
 
 def _spread(manifold: Manifold, points: Floats) -> float:
     distances = neighbour_distances(manifold, points, AUTO_FRACTION)
-    return float(quantile(distances, AUTO_SHARE)) or float(distances.max(initial=0.0))
+    return float(quantile(distances, DENSEST)) or float(distances.max(initial=0.0))
 
 
 def refine(
@@ -212,41 +228,56 @@ def refine(
     density: float,
     bandwidth: float,
 ) -> FusedMode:
-    """The mean and covariance of the measurements near a mode, reweighted until they are stable.
+    """The mean and covariance of the measurements near a mode, by expectation and maximization.
 
-    The first support is what is within two bandwidths. Then it is what is within the 0.99 quantile
-    of the Mahalanobis distance; the covariance is corrected for what that leaves out (Rousseeuw and
-    Leroy, Robust Regression and Outlier Detection, 1987, section 7.1).
+    The measurements are normal about the mean, and others lie about them with an even density: that
+    of the shell which has the volume of the ellipsoid with ``SUPPORT`` of the normal ones, and
+    surrounds it. The support is what is more likely normal. It starts from the widest round cluster
+    for which the bandwidth may be right, one that has all measurements.
     """
     d = manifold.dim
     limit = chi_square_quantile(d, SUPPORT)
-    correction = SUPPORT / _chi_square_share(d + 2, limit)
-    mean = start
-    at = np.broadcast_to(mean, points.shape)
-    inside = manifold.dist(at, points) < 2.0 * bandwidth
-    covariance = np.zeros((d, d))
-    for _ in range(REWEIGHTINGS):
-        at = np.broadcast_to(mean, points.shape)
-        tangents = manifold.log(at, points)
+    deviation = widest_deviation(bandwidth, d, float(weights.sum()))
+    mean, covariance, round_ = start, np.zeros((d, d)), True
+    likely = np.zeros(len(points))
+    for _ in range(MAX_ROUNDS):
+        tangents = manifold.log(np.broadcast_to(mean, points.shape), points)
         usable = np.isfinite(tangents).reshape(len(points), -1).all(axis=1)
-        inside &= usable
-        own = weights * inside
+        tangents = np.where(usable.reshape(-1, *[1] * (tangents.ndim - 1)), tangents, 0.0)
+        vectors = manifold.coordinates(mean, tangents)
+        lengths = manifold.norm(mean, tangents) ** 2
+        squares = lengths / deviation**2 if round_ else _mahalanobis(vectors, covariance)
+        squares[~usable] = np.inf
+        before, likely = likely, _likely(squares, weights, limit, d)
+        own = weights * likely
         total = float(own.sum())
-        if total <= 0:
+        if total <= 0 or np.abs(likely - before).max() < SAME_LIKELY:
             break
-        step = np.tensordot(own, np.nan_to_num(tangents), axes=1) / total
-        mean = manifold.exp(mean, step)
-        vectors = manifold.coordinates(mean, np.nan_to_num(tangents) - step)
-        covariance = correction * (vectors * own[:, None]).T @ vectors / total
-        if np.count_nonzero(own) <= d:
+        step = own @ vectors / total
+        mean = manifold.exp(mean, np.tensordot(own, tangents, axes=1) / total)
+        covariance = (vectors * own[:, None]).T @ vectors / total - np.outer(step, step)
+        # so few measurements lie on an ellipsoid without volume
+        round_ = bool(np.count_nonzero(likely > 0.5) <= d)
+        deviation = math.sqrt(float(own @ lengths) / total / d)
+        if round_ and deviation == 0.0:
             break
-        squares = _mahalanobis(vectors, covariance)
-        now = (squares <= limit) & usable
-        if np.array_equal(now, inside):
-            break
-        inside = now
-    support = np.flatnonzero(inside & (weights > 0))
+    support = np.flatnonzero((likely > 0.5) & (weights > 0))
     return FusedMode(mean, density, support, float(weights[support].sum()), covariance)
+
+
+def _likely(squares: Floats, weights: Floats, limit: float, d: int) -> Floats:
+    """The probability [n] that a measurement is a normal one, from squared Mahalanobis distances.
+
+    At least one measurement in the volume of the ellipsoid is taken to be another.
+    """
+    inside = float(weights[squares <= limit].sum())
+    shell = (squares > limit) & (squares <= limit * 2.0 ** (2.0 / d))
+    unit = float(weights[weights > 0].mean())
+    others = max(float(weights[shell].sum()) - (1.0 - SUPPORT) * inside, unit)
+    # normal over even density: the determinant of the covariance cancels
+    volume = 0.5 * d * math.log(0.5 * limit) - math.lgamma(0.5 * d + 1.0)
+    normal = math.log(max(inside - others, 0.5 * unit)) + volume - 0.5 * squares
+    return np.asarray(1.0 / (1.0 + others * np.exp(-np.maximum(normal, -700.0))))
 
 
 def _mahalanobis(vectors: Floats, covariance: Floats) -> Floats:
@@ -259,24 +290,12 @@ def _mahalanobis(vectors: Floats, covariance: Floats) -> Floats:
     return np.where(flat, np.inf, squares)
 
 
-def _chi_square_share(freedom: int, value: float) -> float:
-    """The distribution function of chi-square, by bisection of its quantile."""
-    low, high = 0.0, 1.0
-    for _ in range(60):
-        middle = 0.5 * (low + high)
-        if chi_square_quantile(freedom, middle) < value:
-            low = middle
-        else:
-            high = middle
-    return low
-
-
 def _distinct(found: list[FusedMode], smallest: float) -> tuple[FusedMode, ...]:
-    """The modes with enough support, most first, without those whose support is another's."""
+    """The modes with enough support, most first, without those whose support is a denser one's."""
     kept: list[FusedMode] = []
-    for mode in sorted(found, key=lambda mode: -mode.weight):
+    for mode in sorted(found, key=lambda mode: -mode.density):
         own = set(mode.support.tolist())
         shared = max((len(own & set(other.support.tolist())) for other in kept), default=0)
         if mode.weight >= smallest and len(own) and 2 * shared < len(own):
             kept.append(mode)
-    return tuple(kept)
+    return tuple(sorted(kept, key=lambda mode: -mode.weight))
