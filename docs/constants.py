@@ -16,6 +16,7 @@ LISTED = (
     "segmentation/consensus/*.py",
     "sequences/*.py",
     "geometry/flats.py",
+    "geometry/incomplete_flats.py",
     "geometry/projective_flats.py",
     "geometry/robust_epipolar.py",
 )

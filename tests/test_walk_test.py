@@ -5,8 +5,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from moving_bodies import perspective_tracks, rigid_bodies
+from test_joinedness import cut
 
-from mssegment.segmentation.consensus.walk_test import Null, probability_of_null, walk_test
+from mssegment.segmentation.consensus.walk_test import (
+    Null,
+    fit_by_chance,
+    probability_of_null,
+    walk_test,
+)
 
 
 def with_walks(seed: int, frames: int, walks: int) -> tuple[np.ndarray, np.ndarray]:
@@ -40,6 +46,35 @@ def test_incomplete_tracks_and_small_groups_are_not_tested() -> None:
     labels = np.ones(len(points), dtype=np.int64)
     assert not walk_test(points, labels, np.random.default_rng(0))[walks].any()
     assert not walk_test(points[-5:, 1:], labels[-5:], np.random.default_rng(0)).any()
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_incomplete_walks_are_outliers_where_they_are_asked_for(seed: int) -> None:
+    points, walks = with_walks(seed, 12, 30)
+    points = cut(points, np.random.default_rng(seed))
+    labels = np.ones(len(points), dtype=np.int64)
+    found = walk_test(points, labels, np.random.default_rng(0), incomplete=True)
+    assert found[walks].mean() > 0.7
+    assert found[~walks].mean() < 0.03
+
+
+def test_incomplete_tracks_that_drift_smoothly_stay() -> None:
+    points, _ = with_walks(4, 12, 0)
+    rng = np.random.default_rng(0)
+    bend = rng.normal(0, 0.1, (30, 1, 2)) * np.arange(12)[None, :, None] ** 2
+    points[:30] += bend
+    points = cut(points, rng)
+    labels = np.ones(len(points), dtype=np.int64)
+    assert walk_test(points, labels, rng, incomplete=True)[:30].mean() < 0.1
+
+
+def test_rough_tracks_fit_by_chance_and_those_of_the_body_do_not() -> None:
+    points, walks = with_walks(5, 12, 40)
+    points = cut(points, np.random.default_rng(5))
+    members = points[~walks][:60]
+    chance = fit_by_chance(members, points[60:], np.random.default_rng(0))
+    assert chance[walks[60:]].mean() > 0.7
+    assert chance[~walks[60:]].mean() < 0.4
 
 
 def test_the_unit_does_not_matter() -> None:

@@ -95,10 +95,21 @@ def test_a_track_is_readmitted_to_the_body_that_it_moves_with(rng: np.random.Gen
     rejected = np.concatenate([np.arange(0, 110, 10), np.flatnonzero(labels == 0)])
     labels[rejected] = 0
     pairs = [(0, 2), (3, 5), (6, 8), (9, 11), (2, 6), (5, 9)]
-    found = readmitted(points, labels, rejected, pairs)
+    found = readmitted(points, labels, rejected, pairs, rng)
     assert (found == true[rejected])[:11].sum() >= 8
     assert (found[11:] > 0).mean() < 0.1
-    assert not readmitted(points, np.zeros_like(labels), rejected, pairs).any()
+    assert not readmitted(points, np.zeros_like(labels), rejected, pairs, rng).any()
+
+
+def test_rigid_evidence_tells_two_bodies_from_one(rng: np.random.Generator) -> None:
+    points, labels = rigid_bodies(rng, sizes=(60, 50), frames=12)
+    points = cut(points, rng)
+    distances = rng.uniform(1, 100, (110, 110))
+    test = WindowedSplitTest(points, np.ones((110, 110)), distances, single=True)
+    groups = [np.flatnonzero(labels == label) for label in (1, 2)]
+    halves = groups[0][::2], groups[0][1::2]
+    assert test.rigid_evidence(*groups) > 30
+    assert test.rigid_evidence(*halves) < 3
 
 
 @pytest.mark.parametrize("complete", [True, False])

@@ -111,16 +111,27 @@ def like_walks(points: Floats, rng: np.random.Generator) -> Flags:
 
 
 def spread_of_tracks(points: Floats) -> Floats:
-    """Root mean square distance of tracks [P, F, 2] from their mean positions, [P]."""
-    squared = (points - points.mean(axis=1, keepdims=True)) ** 2
-    return np.asarray(np.sqrt(squared.sum(axis=2).mean(axis=1)) + 1e-12)
+    """Root mean square distance of tracks [P, F, 2] from their mean positions, [P].
+
+    Over the frames in which a track is visible.
+    """
+    seen = np.isfinite(points)
+    frames = np.maximum(seen.all(axis=2).sum(axis=1), 1)
+    middle = np.where(seen, points, 0.0).sum(axis=1) / frames[:, None]
+    squared = np.where(seen, points - middle[:, None], 0.0) ** 2
+    return np.asarray(np.sqrt(squared.sum(axis=2).sum(axis=1) / frames) + 1e-12)
 
 
 def noise_of_tracks(points: Floats) -> Floats:
-    """Standard deviation [P] of the noise that second differences of tracks [P, F, 2] show."""
-    if points.shape[1] < 3:
-        return np.full(len(points), np.inf)
-    return np.asarray(np.sqrt((np.diff(points, n=2, axis=1) ** 2).mean(axis=(1, 2)) / 6))
+    """Standard deviation [P] of the noise that second differences of tracks [P, F, 2] show.
+
+    Infinite for tracks without three frames in a row.
+    """
+    bends = np.diff(points, n=2, axis=1)
+    seen = np.isfinite(bends)
+    known = seen.sum(axis=(1, 2))
+    squared = (np.where(seen, bends, 0.0) ** 2).sum(axis=(1, 2)) / np.maximum(known, 1)
+    return np.where(known > 0, np.sqrt(squared / 6), np.inf)
 
 
 def draw_chimeras(points: Floats, count: int, rng: np.random.Generator) -> Floats:

@@ -154,9 +154,10 @@ def cluster_by_consensus(
     drawn, labels = labels, by_size(labels)
     found = Consensus(labels, misfit)
     found = without_chance_groups(points, found, rng, moved_before, drop=drop)
-    if hypotheses.partition == "spectral":
-        # afterwards, since what is left of independent tracks is coherent by selection
-        found = without_outliers(found, walk_test(points, found.labels, rng))
+    # afterwards, since what is left of independent tracks is coherent by selection
+    incomplete = hypotheses.partition == "joinedness"
+    walks = walk_test(points, found.labels, rng, incomplete=incomplete)
+    found = without_outliers(found, walks)
     return replace(found, separations=_in_order(apart, drawn, found.labels))
 
 

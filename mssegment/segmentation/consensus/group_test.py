@@ -184,15 +184,24 @@ def coherence(points: Floats, rng: np.random.Generator) -> float:
 
 def turned_paths(points: Floats, rng: np.random.Generator) -> Floats:
     """Tracks [n, F, 2] with the same starts and paths, each turned about its start at random."""
-    path = _complex(points - points[:, :1]) * _random_turns(rng, len(points), 1)
-    return np.asarray(points[:, :1] + _real(path))
+    starts = _starts(points)
+    path = _complex(points - starts) * _random_turns(rng, len(points), 1)
+    return np.asarray(starts + _real(path))
 
 
 def turned_steps(points: Floats, rng: np.random.Generator) -> Floats:
     """Tracks [n, F, 2] with the same starts and lengths of steps, whose directions are random."""
     steps = _complex(np.diff(points, axis=1))
-    path = np.cumsum(steps * _random_turns(rng, *steps.shape), axis=1)
-    return np.concatenate([points[:, :1], points[:, :1] + _real(path)], axis=1)
+    turned = steps * _random_turns(rng, *steps.shape)
+    path = np.cumsum(np.where(np.isfinite(turned), turned, 0.0), axis=1)
+    path = np.concatenate([np.zeros((len(points), 1)), path], axis=1)
+    return np.where(np.isfinite(points), _starts(points) + _real(path), np.nan)
+
+
+def _starts(points: Floats) -> Floats:
+    """The first visible position of each track, [n, 1, 2]."""
+    first = np.isfinite(points).all(axis=2).argmax(axis=1)
+    return np.asarray(points[np.arange(len(points)), first][:, None])
 
 
 def _random_turns(rng: np.random.Generator, *shape: int) -> Array:

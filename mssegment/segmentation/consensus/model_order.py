@@ -23,6 +23,7 @@ from mssegment.records import Floats, Integers
 from mssegment.segmentation.consensus.epipolar_evidence import EpipolarEvidence
 from mssegment.segmentation.consensus.spectral import embedding, partition, sharpen
 from mssegment.segmentation.consensus.split_test import SplitTest, nearest_of_each
+from mssegment.segmentation.consensus.windowed_split import WindowedSplitTest
 
 MIN_SPREAD = 0.5
 """Standard deviation, in the units of the components, below which differences are not
@@ -222,7 +223,7 @@ class SpectralClustering:
         return self._tests[single]
 
 
-def rigid_factor(test: SplitTest, first: Integers, second: Integers) -> float:
+def rigid_factor(test: SplitTest | WindowedSplitTest, first: Integers, second: Integers) -> float:
     """The cube root of 1 + N / N0, by which rigid motion over all frames tells groups apart."""
     return float(np.cbrt(1 + test.rigid_evidence(first, second) / DOUBT))
 

@@ -1,7 +1,9 @@
 """Tracks that were rejected before grouping, but move as one of the groups does.
 
 Whether a track moves with others is first tested among its neighbours. Where it has few, or noise
-larger than theirs, it is rejected although the geometry of its whole object predicts it.
+larger than theirs, it is rejected although the geometry of its whole object predicts it. Epipolar
+geometry alone predicts many tracks by chance: a track that is not smooth must fit the flat of the
+group as well, over all frames, and better than its surrogates do (``walk_test.fit_by_chance``).
 """
 
 from __future__ import annotations
@@ -12,16 +14,18 @@ import numpy as np
 
 from mssegment.records import OUTLIER, Floats, Integers
 from mssegment.segmentation.consensus.epipolar_evidence import EpipolarEvidence
+from mssegment.segmentation.consensus.walk_test import USUAL, fit_by_chance
 
-USUAL = 0.95
-"""A track is readmitted if it fits better than the worst members of a group, those beyond this
-quantile."""
 MIN_PAIRS = 2
 """Fewest frame pairs that a track must be seen in: one residual may be small by chance."""
 
 
 def readmitted(
-    points: Floats, labels: Integers, rejected: Integers, pairs: Sequence[tuple[int, int]]
+    points: Floats,
+    labels: Integers,
+    rejected: Integers,
+    pairs: Sequence[tuple[int, int]],
+    rng: np.random.Generator,
 ) -> Integers:
     """Labels of the tracks ``rejected``: that of a group whose geometry predicts them, or 0.
 
@@ -35,6 +39,8 @@ def readmitted(
         Tracks without a label.
     pairs : sequence of (int, int)
         Pairs of frames for epipolar geometry.
+    rng : numpy.random.Generator
+        Draws the surrogates.
 
     Returns
     -------
@@ -54,4 +60,9 @@ def readmitted(
     )
     excess = per_pair[:, rejected] - limits[:, None]
     fits = (excess.min(axis=0) <= 0) & (visible[rejected] >= MIN_PAIRS)
-    return np.where(fits, excess.argmin(axis=0) + 1, OUTLIER)
+    found = np.where(fits, excess.argmin(axis=0) + 1, OUTLIER)
+    for label, group in enumerate(groups, start=1):
+        own = found == label
+        if own.any():
+            found[own & fit_by_chance(points[group], points[rejected], rng)] = OUTLIER
+    return found

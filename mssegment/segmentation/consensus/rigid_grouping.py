@@ -21,6 +21,7 @@ from mssegment.records import Floats, Integers, Record
 from mssegment.segmentation.consensus.coassociation import Coassociation
 from mssegment.segmentation.consensus.epipolar_evidence import EpipolarEvidence
 from mssegment.segmentation.consensus.joinedness import Joinedness
+from mssegment.segmentation.consensus.model_order import rigid_factor
 from mssegment.segmentation.consensus.spectral import embedding, partition, sharpen
 from mssegment.segmentation.consensus.split_test import nearest_of_each
 from mssegment.segmentation.consensus.windowed_split import WindowedSplitTest
@@ -165,8 +166,10 @@ class RigidGrouping:
     ) -> Callable[[Integers, Integers], float]:
         """R / (``APART`` J) of two groups; above 1 they are two objects.
 
-        R says what a split saves over its price. Groups that no window shows together are judged by
-        their joinedness alone. Where a lower limit that needs no fit exceeds ``bound``, it will do.
+        R says what a split saves over its price. In J, rigid motion over all frames stands for
+        epipolar geometry where it is the stronger evidence for two bodies. Groups that no window
+        shows together are judged by their joinedness alone. Where a lower limit that needs no fit
+        exceeds ``bound``, it will do.
         """
         if single not in self._tests:
             self._tests[single] = WindowedSplitTest(*self._tracks, single=single)
@@ -178,7 +181,10 @@ class RigidGrouping:
             lower = least / max(self._joinedness.bound(first, second), 1e-12)
             if lower > bound:
                 return lower
-            return least / max(self._joinedness(first, second), 1e-12)
+            found = least / max(self._joinedness(first, second), 1e-12)
+            if ratio is None or found > bound:
+                return found
+            return max(found, lower * rigid_factor(test, first, second))
 
         return separation
 

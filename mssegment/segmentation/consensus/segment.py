@@ -153,7 +153,7 @@ def _labels(
         labels[others] = propagate_labels(points[others], points[grouped], found, among)
     if hypotheses.partition == "joinedness":
         pairs = sorted({(one.frames[0], one.frames[1]) for one in hypotheses.sets})
-        labels[rejected] = readmitted(points, labels, rejected, pairs)
+        labels[rejected] = readmitted(points, labels, rejected, pairs, rng)
     return labels, found
 
 

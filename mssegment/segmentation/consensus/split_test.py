@@ -132,18 +132,18 @@ class SplitTest:
     def rigid_evidence(self, first: Integers, second: Integers) -> float:
         """N: nats by which two rigid bodies predict two groups better than one does, at least 0.
 
-        The logarithms of the residuals of the tracks, each from the flat of the other tracks of
-        its group or of both groups, in as many directions as components tell motions apart. Where
-        the least spread exceeds the noise, errors of neighbouring tracks are alike: the evidence
-        is then worth less, by the ratio of their squares.
+        From the residuals of the tracks, each from the flat of the other tracks of its group or of
+        both groups, in as many directions as components tell motions apart.
         """
-        least = self._least_spread_of(single=True)
         apart = np.concatenate([self._flat(first).residuals, self._flat(second).residuals])
         together = self._flat(np.concatenate([first, second])).residuals
-        grown = 0.5 * (np.log(together**2 + least**2) - np.log(apart**2 + least**2))
         free = max(self._directions.shape[1] - FLAT_DIMENSION, 1)
-        worth = free * (self.noise / least) ** 2
-        return max(float(worth * grown.sum()), 0.0)
+        return nats_apart(apart, together, free, self.noise, self.rigid_spread)
+
+    @property
+    def rigid_spread(self) -> float:
+        """The least spread of the residuals of a rigid body, pixels."""
+        return self._least_spread_of(single=True)
 
     def _flat(self, group: Integers) -> GroupFlat:
         """The flat of a group [n]; it is the same for both decisions."""
@@ -204,6 +204,19 @@ class SplitTest:
         effective = float(np.maximum(1 - self._least_spread**2 / variances, 0.0).sum())
         price = effective * (effective + 3) / 2 * np.log(count)
         return 0.5 * float(tails.sum() + count * fitted.log_det[0] + price)
+
+
+def nats_apart(
+    apart: Floats, together: Floats, free: Floats | int, noise: float, least: float
+) -> float:
+    """N of tracks with residuals [n] from their own group and from both groups, pixels.
+
+    The logarithms of the residuals, no smaller than ``least``, in ``free`` directions. Where the
+    least spread exceeds the noise, errors of neighbouring tracks are alike: the evidence is then
+    worth less, by the ratio of their squares.
+    """
+    grown = 0.5 * (np.log(together**2 + least**2) - np.log(apart**2 + least**2))
+    return max(float((noise / least) ** 2 * (free * grown).sum()), 0.0)
 
 
 def _place_and_motion(centred: Floats, frames: int) -> tuple[Floats, Floats]:
