@@ -10,12 +10,7 @@ import pytest
 from mssegment.models import Flags
 from mssegment.records import BACKGROUND, NOT_JUDGED, OUTLIER, Floats, Integers
 from mssegment.sequences.extent import Whole
-from mssegment.sequences.identities import (
-    NO_OBJECT,
-    IdentityTracker,
-    WindowIdentities,
-    WindowLabels,
-)
+from mssegment.sequences.identities import IdentityTracker
 from mssegment.sequences.lifetimes import (
     ONE_WINDOW,
     WindowLimits,
@@ -28,6 +23,7 @@ from mssegment.sequences.reappearance import Sight, reappeared
 from mssegment.sequences.rest import Resting, moving_on
 from mssegment.sequences.separation import separated
 from mssegment.sequences.short_tracks import label_short_tracks
+from mssegment.sequences.window_labels import NO_OBJECT, WindowIdentities, WindowLabels
 
 SIZE = (640, 480)
 

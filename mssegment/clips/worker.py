@@ -21,7 +21,8 @@ from mssegment.imaging.tracking import FramePoints
 from mssegment.progress import listening
 from mssegment.records import BACKGROUND, Floats, Motion, replace
 from mssegment.sequences.history import STATIC_WORLD
-from mssegment.sequences.identities import IdentityTracker, WindowIdentities, WindowLabels
+from mssegment.sequences.identities import IdentityTracker
+from mssegment.sequences.window_labels import WindowIdentities, WindowLabels
 
 WAITING_WINDOWS = 2
 """Windows that wait to be segmented; with more, tracking waits."""

@@ -14,88 +14,29 @@ from collections.abc import Iterable, Mapping, Sequence
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
-from mssegment.records import (
-    BACKGROUND,
-    NOT_JUDGED,
-    OUTLIER,
-    Floats,
-    Integers,
-    Record,
-    State,
-    field,
-    replace,
-)
+from mssegment.records import BACKGROUND, OUTLIER, Integers, State, field, replace
 from mssegment.sequences.extent import Whole
 from mssegment.sequences.history import STATIC_WORLD, TrackHistory, vote_table
 from mssegment.sequences.parts import TRACKED_WINDOW, move_alike
 from mssegment.sequences.reappearance import Sight, reappeared, sight
 from mssegment.sequences.rest import Resting, moving_on
 from mssegment.sequences.separation import separated
-from mssegment.special import nan_median
+from mssegment.sequences.window_labels import (
+    LEAST_VOTES,
+    NO_OBJECT,
+    Votes,
+    WindowIdentities,
+    WindowLabels,
+    identities_of_tracks,
+    merged_into,
+    net_displacement,
+    parent_of,
+    travel,
+)
 
-Votes = Mapping[int, float]
-
-LEAST_VOTES = 3.0
-"""Tracks that a motion must share with an object: as many as determine an affine motion."""
-NO_OBJECT = -1
-"""The identity of what is no object."""
 LEAST_SHARE = 0.5
 """Least share of common tracks among those of the object that go on and those of the motion that
 are not new: the geometric mean of both shares. Half of the tracks are then the same."""
-
-
-class WindowLabels(Record, frozen=True):
-    """The segmentation of one window.
-
-    Attributes
-    ----------
-    start : int
-        The number of its first frame.
-    tracks : ndarray [P] of int64
-        The numbers that the tracks have in all windows.
-    points : ndarray [P, L, 2]
-        Their positions in pixels, NaN where a point is not visible.
-    labels : ndarray [P] of int64
-        1..m for a motion, ``OUTLIER``, ``BACKGROUND`` or ``NOT_JUDGED``.
-    camera_motion : int or None
-        The label that seems to be the motion of the static world.
-    """
-
-    start: int
-    tracks: Integers
-    points: Floats
-    labels: Integers
-    camera_motion: int | None = None
-
-    @property
-    def motions(self) -> int:
-        """The number of motions."""
-        return int(self.labels.max(initial=0))
-
-
-class WindowIdentities(Record, frozen=True):
-    """What the motions of a window are.
-
-    Attributes
-    ----------
-    motions : tuple of int
-        The identity of each motion, label 1 first; ``STATIC_WORLD`` for that of the camera,
-        ``NO_OBJECT`` for what is none.
-    tracks : ndarray [P] of int64
-        The identity of each track; -1 for none.
-    resting : tuple of int
-        The objects that stand still in this window.
-    origins : dict
-        For objects that begin by a split, the object that they were part of.
-    merged : dict
-        For objects whose tracks are now of another object, that object.
-    """
-
-    motions: tuple[int, ...]
-    tracks: Integers
-    resting: tuple[int, ...] = ()
-    origins: dict[int, int] = field(default_factory=dict)
-    merged: dict[int, int] = field(default_factory=dict)
 
 
 class IdentityTracker(State):
@@ -169,22 +110,20 @@ class IdentityTracker(State):
         origins = {}
         static_camera = bool((window.labels == BACKGROUND).any())
         for j in new:
-            if (
-                not identity[j]
-                and static_camera
-                and _travel(window.points[own[j]]) < TRACKED_WINDOW
-            ):
+            if not identity[j] and static_camera and travel(window.points[own[j]]) < TRACKED_WINDOW:
                 identity[j] = NO_OBJECT
             elif not identity[j]:
                 self.objects += 1
                 identity[j] = self.objects
-                parent = _parent(votes[j])
+                parent = parent_of(votes[j])
                 if parent is not None:
                     origins[self.objects] = parent
         present = set(identity.values())
         resting = tuple(known for known in still if known not in present)
-        tracks = _of_tracks(window, own, identity, {known: still[known] for known in resting})
-        merged = _merged(window, tracks, usual, present | set(resting))
+        tracks = identities_of_tracks(
+            window, own, identity, {known: still[known] for known in resting}
+        )
+        merged = merged_into(window, tracks, usual, present | set(resting))
         self._remember(window, own, identity, resting, merged)
         self.history.record(window.tracks, tracks, paused)
         return WindowIdentities(
@@ -215,7 +154,7 @@ class IdentityTracker(State):
             return set()
         found = set()
         for j, rows in enumerate(own):
-            moved = _net_displacement(window.points[rows])
+            moved = net_displacement(window.points[rows])
             was_static = 2 * votes[j].get(STATIC_WORLD, 0.0) > len(rows)
             if was_static and moved < TRACKED_WINDOW:
                 found.add(j)
@@ -261,7 +200,7 @@ class IdentityTracker(State):
         """The motions that were part of an object, and still move like it."""
         found = {}
         for j in (j for j, known in identity.items() if not known):
-            parent = _parent(votes[j])
+            parent = parent_of(votes[j])
             rest = [k for k, known in identity.items() if known == parent]
             if parent is not None and rest:
                 others = np.concatenate([own[k] for k in rest])
@@ -366,63 +305,3 @@ class IdentityTracker(State):
             for k, v in self.together.items()
             if k in known_still
         }
-
-
-def _of_tracks(
-    window: WindowLabels,
-    own: list[Integers],
-    identity: Mapping[int, int],
-    resting: Mapping[int, Integers],
-) -> Integers:
-    """The identity of each track, of motions and of objects that rest."""
-    tracks = np.where(window.labels == BACKGROUND, STATIC_WORLD, NO_OBJECT).astype(np.int64)
-    for j, rows in enumerate(own):
-        tracks[rows] = identity[j]
-    for known, rows in resting.items():
-        tracks[rows] = known
-    return tracks
-
-
-def _travel(points: Floats) -> float:
-    """How far tracks [n, L, 2] move as a group, in pixels.
-
-    What moved less than the window of the tracker may have been taken along, or have slipped.
-    """
-    with_next = np.isfinite(points[:, 1:, 0]) & np.isfinite(points[:, :-1, 0])
-    frames = np.flatnonzero(with_next.any(axis=0))
-    steps = nan_median(points[:, frames + 1] - points[:, frames], axis=0)
-    return float(np.linalg.norm(steps.sum(axis=0))) if len(frames) else 0.0
-
-
-def _net_displacement(points: Floats) -> float:
-    """The median distance of the last position of tracks [n, L, 2] from the first, in pixels."""
-    visible = np.asarray(np.isfinite(points).all(axis=2))
-    rows = np.arange(len(points))
-    first = visible.argmax(axis=1)
-    last = points.shape[1] - 1 - visible[:, ::-1].argmax(axis=1)
-    return float(np.median(np.linalg.norm(points[rows, last] - points[rows, first], axis=1)))
-
-
-def _parent(votes: Votes) -> int | None:
-    """The object of which most tracks of a new motion were, if any."""
-    moving = {i: count for i, count in votes.items() if i != STATIC_WORLD}
-    if not moving:
-        return None
-    best = max(moving, key=lambda i: (moving[i], -i))
-    enough = moving[best] >= max(LEAST_VOTES, sum(votes.values()) / 2)
-    return best if enough else None
-
-
-def _merged(
-    window: WindowLabels, tracks: Integers, usual: Integers, present: set[int]
-) -> dict[int, int]:
-    """The objects that are not present, whose tracks are now of another object."""
-    found = {}
-    for known in np.unique(usual[usual > STATIC_WORLD]).tolist():
-        if known in present:
-            continue
-        now = tracks[(usual == known) & (window.labels != NOT_JUDGED)]
-        moving = now[now > STATIC_WORLD]
-        if len(moving) >= max(LEAST_VOTES, len(now) / 2):
-            found[known] = int(np.bincount(moving).argmax())
-    return found
