@@ -186,16 +186,3 @@ def test_slanted_layers_before_a_camera_that_only_moves_are_one_body(seed: int) 
     assert partition(np.concatenate(parts), parts) == [[0, 1, 2]]
     parts[2][:, 1] += [0.0, 12.0]
     assert partition(np.concatenate(parts), parts) == [[0, 1], [2]]
-
-
-@pytest.mark.parametrize("seed", range(4))
-def test_few_matches_beside_a_plane_determine_the_epipolar_geometry(seed: int) -> None:
-    rng = np.random.default_rng(seed)
-    pixels = rng.uniform(0, 480, (250, 2))
-    depth = np.where(np.arange(250) < 230, 10.0 + pixels[:, 0] / 200, 14.0)
-    points = homogeneous((pixels - CENTRE) / FOCAL) * depth[:, None]
-    matches = seen(points, np.array([0.01, -0.02, 0.015]), np.array([0.1, 0.05, 0.8]), rng) / 300
-    first, second = (homogeneous(view) for view in np.moveaxis(matches - 1, 1, 0))
-    fit = fit_epipolar(first[:, :2], second[:, :2], np.ones(250), NOISE / 300)
-    error = sampson(fit.matrix[None], first, second).error[0]
-    assert np.sqrt((error**2).mean()) < 1.1 * NOISE / 300

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from mssegment.geometry.epipolar import cross, sampson, sampson_jacobian
+from mssegment.geometry.epipolar import cross, sampson
 from mssegment.geometry.projective import homogeneous
 from mssegment.geometry.robust import student_t_weights
 from mssegment.geometry.rotations import skew
@@ -30,12 +30,6 @@ MIN_PERSPECTIVE = 9
 """Fewest matches to which a perspective geometry is fitted: one more than determine it."""
 GRADIENT_RANGE = (0.02, 50.0)
 """Range, over its median, of the factor that makes an algebraic residual a distance."""
-REFINEMENTS = 10
-"""Largest number of Gauss-Newton steps."""
-SETTLED = 0.01
-"""Nats; a step that gains less is the last."""
-DAMPING = 1e-9
-"""Keeps the normal equations regular, over their trace."""
 TINY = 1e-12
 
 
@@ -81,10 +75,7 @@ def fit_epipolar(first: Floats, second: Floats, weights: Floats, noise: float) -
     >>> (np.abs(found) / np.abs(found).max()).round(3).tolist()
     [[0.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, 1.0, 0.0]]
     """
-    fits = epipolar_fits(first, second, weights, noise)
-    rays = homogeneous(first), homogeneous(second)
-    fits[1:] = [_refined(fit, *rays, weights, noise) for fit in fits[1:]]
-    return min(fits, key=lambda fit: fit.cost)
+    return min(epipolar_fits(first, second, weights, noise), key=lambda fit: fit.cost)
 
 
 def epipolar_fits(
@@ -115,42 +106,6 @@ def _reweighted(
         current = weights * student_t_weights((error / scale) ** 2, FREEDOM, 1) * to_pixels
     cost = (FREEDOM + 1) / 2 * float(weights @ np.log1p((error / noise) ** 2 / FREEDOM))
     return EpipolarFit(matrix, cost + (0.0 if affine else PERSPECTIVE_PRICE))
-
-
-def _refined(
-    fit: EpipolarFit, first: Floats, second: Floats, weights: Floats, noise: float
-) -> EpipolarFit:
-    """Gauss-Newton on the Sampson distances, among the matrices of rank 2.
-
-    What the eight-point algorithm makes of rank 2 fits worse than the matrix of full rank that it
-    comes from, by far where most matches are on a plane.
-    """
-    best = fit
-    for _ in range(REFINEMENTS):
-        left, values, right = np.linalg.svd(best.matrix)
-        error, by_entries = sampson_jacobian(best.matrix[None], first, second)
-        current = weights * student_t_weights((error[0] / noise) ** 2, FREEDOM, 1)
-        # the tangents of the matrices of rank 2: all outer products but that of both null vectors
-        tangents = np.einsum("ia,bj->abij", left, right).reshape(9, 9)[:8]
-        design = by_entries[0] @ tangents.T
-        normal = (design * current[:, None]).T @ design
-        normal += np.outer(*2 * [np.diag([*values[:2], 0.0]).ravel()[:8]]) * np.trace(normal)
-        normal += DAMPING * np.trace(normal) * np.eye(8)
-        step = np.linalg.solve(normal, (design * current[:, None]).T @ error[0])
-        left, values, right = np.linalg.svd(best.matrix - (step @ tangents).reshape(3, 3))
-        matrix = (left * [values[0], values[1], 0.0]) @ right
-        found = EpipolarFit(matrix, _cost(matrix, first, second, weights, noise))
-        if found.cost >= best.cost - SETTLED:
-            return min(best, found, key=lambda one: one.cost)
-        best = found
-    return best
-
-
-def _cost(matrix: Floats, first: Floats, second: Floats, weights: Floats, noise: float) -> float:
-    """Minus the log-likelihood of the matches under a perspective geometry."""
-    error = sampson(matrix[None], first, second).error[0]
-    terms = np.log1p((error / noise) ** 2 / FREEDOM)
-    return (FREEDOM + 1) / 2 * float(weights @ terms) + PERSPECTIVE_PRICE
 
 
 def _eight_point(first: Floats, second: Floats, weights: Floats) -> Floats:
