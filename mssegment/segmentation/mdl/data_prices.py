@@ -2,8 +2,9 @@
 
 Of pictures it is known what they look like: points cost the area of the picture, and noise is a few
 pixels. Here a point without a structure costs what the null of the a-contrario test makes expect
-(``sampling.null_model``), for each structure how dense the null is near it. The noise is that of
-the modes, each with the inliers that the test finds.
+(``sampling.null_model``): the median over the modes of how dense the null is near them, so that a
+point costs the same beside every structure. The noise is that of the modes, each with the inliers
+that the test finds.
 """
 
 from __future__ import annotations
@@ -31,22 +32,6 @@ SCALE_RATIO = 2.0
 """The noise of a structure is at most this many times smaller or larger than that of the modes."""
 
 
-class DataFamily(Family, frozen=True):
-    """A family whose points without a structure are described by the null."""
-
-    null: NullModel
-
-    def gains(self, points: Floats, residuals: Floats, scales: Floats, inliers: Floats) -> Floats:
-        """Nats that each structure saves on each point, [B, P]."""
-        del inliers
-        gains = self.noise.gains(residuals, scales)
-        return gains + (self.point_cost(points) - self.noise.outlier_cost)[:, None]
-
-    def point_cost(self, points: Floats) -> Floats:
-        """Nats [B] to say where a point near each structure is without it, across it."""
-        return -self.null.log_density(points)
-
-
 def data_families(problem: SelectionProblem, degrees_of_freedom: float = math.inf) -> list[Family]:
     """The sets of ``problem`` in normalized coordinates, with costs and noise of the data."""
     families: list[Family] = []
@@ -63,10 +48,10 @@ def _family(
     null: NullModel,
     modes: Sequence[Floats],
     degrees_of_freedom: float,
-) -> DataFamily:
+) -> Family:
     points = np.stack(modes)
     noise = max(measured_noise(observed_set, null, points), RESOLUTION)
-    return DataFamily(
+    return Family(
         index,
         observed_set,
         Noise(
@@ -79,7 +64,6 @@ def _family(
             parallax=np.zeros(len(observed_set.observed)),
             degrees_of_freedom=degrees_of_freedom,
         ),
-        null,
     )
 
 
