@@ -169,7 +169,7 @@ def _picture(folder: Path) -> object:
 
 def _table(folder: Path) -> object:
     (folder / "t.csv").write_text("track,frame,x,y\n" + "1,0,5,6\n1,1,6,7\n2,0,8,9\n2,1,9,9\n" * 1)
-    return datasets.read(folder / "t.csv")
+    return datasets.read(folder / "t.csv").tracks
 
 
 def _arrays(folder: Path) -> object:

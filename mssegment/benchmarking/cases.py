@@ -68,7 +68,7 @@ def load(dataset: str, case: Case) -> ImportedTracks:
     own = labels == case.single_group
     tracks = Tracks(entry.tracks.points[own], labels=np.ones(int(own.sum()), dtype=np.int64))
     return replace(
-        entry, name=f"{entry.name}#{case.single_group}", tracks=tracks, group="single groups"
+        entry, name=f"{entry.name}#{case.single_group}", given=tracks, group="single groups"
     )
 
 

@@ -29,7 +29,7 @@ from mssegment.imaging.matching.resampling import Indices
 from mssegment.imaging.matching.support import predict, supporting_pairs
 from mssegment.imaging.pyramid import size_unit
 from mssegment.neighbours import nearest
-from mssegment.records import Floats
+from mssegment.records import Floats, Record
 from mssegment.special import distinct
 
 Flags = npt.NDArray[np.bool_]
@@ -147,11 +147,12 @@ def _border(part: Indices, tested: Flags, distance: Floats) -> Flags:
     return near
 
 
-class _Test:
+class _Test(Record, frozen=True):
     """Which of some matches could be tested and which matched elsewhere, and those matches."""
 
-    def __init__(self, tested: Flags, matched: Flags, matches: AffineMatches) -> None:
-        self.tested, self.matched, self.matches = tested, matched, matches
+    tested: Flags
+    matched: Flags
+    matches: AffineMatches
 
 
 def _rivals(found: AffineMatches, part: Indices, size: Indices) -> tuple[Indices, Floats]:
