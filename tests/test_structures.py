@@ -215,3 +215,15 @@ def test_chimeras_lie_where_the_data_lie() -> None:
     pairs = rng.standard_normal((50, 2, 3))
     mixed = draw_chimeras(pairs, 100, rng)
     assert all((mixed[:, f, None] == pairs[:, f]).all(axis=2).any(axis=1).all() for f in (0, 1))
+
+
+@pytest.mark.parametrize(("name", "dimension"), [("line", 2), ("plane", 3), ("hyperplane", 4)])
+@pytest.mark.parametrize("spread", [0.01, 0.1])
+def test_tight_clusters_are_no_structures(name: str, dimension: int, spread: float) -> None:
+    """Three of them always lie on a plane."""
+    for seed in range(3):
+        rng = np.random.default_rng(seed)
+        centres = rng.uniform(-1.0, 1.0, (dimension + 1, 1, dimension))
+        points = centres + spread * rng.standard_normal((dimension + 1, 60, dimension))
+        found = MultiModel(name, random_state=seed).fit(points.reshape(-1, dimension))
+        assert found.n_structures_ == 0

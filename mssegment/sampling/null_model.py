@@ -25,6 +25,7 @@ import math
 import numpy as np
 
 from mssegment.models import Flags, MotionModel
+from mssegment.neighbours import nearest
 from mssegment.records import Floats, Integers, Normalization, Record
 
 SAMPLES = 1000
@@ -35,6 +36,8 @@ the relative error is 10 %. Points further away are not called inliers."""
 ROTATIONS = 8
 """Random rotations of the axes, each for an eighth of the chimeras: along a single one, a structure
 may happen to lie across an axis."""
+CLUSTER = 0.1
+"""A cluster has at least this share of the points; smaller ones may look like structures."""
 RESOLUTION = 1e-9
 """Distances below this, over the extent of the data, are rounding errors."""
 
@@ -105,6 +108,33 @@ class NullModel(Record, frozen=True):
         return np.asarray(residuals <= limits), log_nfa[np.arange(len(points)), best]
 
 
+def log_nfa_in_clusters(
+    model: MotionModel,
+    observed: Floats,
+    points: Floats,
+    inliers: Flags,
+    rng: np.random.Generator,
+) -> Floats:
+    """The logarithm of the number of false alarms [B] where clusters may be however tight.
+
+    The null are points of the data [P, F, d] that are moved about within clusters: how many of them
+    are as near to a structure as its ``inliers`` [B, P]. Three tight clusters lie on a plane, and
+    so does what is moved within them.
+    """
+    if not len(points):
+        return np.zeros(0)
+    unit = Normalization(np.zeros(observed.shape[1:]), 1.0)
+    samples = draw_blurred(observed, SAMPLES, rng, within=CLUSTER)
+    residuals = model.residuals(points, observed, unit)
+    limits = np.where(inliers, residuals, 0.0).max(axis=1, keepdims=True)
+    near = (model.residuals(points, samples, unit) <= limits).sum(axis=1)
+    log_share = np.log((near + 1.0) / (SAMPLES + 1.0))
+    count, m = len(observed), model.subset_size
+    hits = inliers.sum(axis=1) - m
+    tails = [log_tail(hits[k : k + 1], max(count - m, 1), log_share[k]) for k in range(len(points))]
+    return _log_tests(count, m) + np.concatenate(tails).reshape(-1)
+
+
 def draw_chimeras(observed: Floats, count: int, rng: np.random.Generator) -> Floats:
     """Draw ``count`` chimeras of data [P, F, d]."""
     size, frames, d = observed.shape
@@ -120,16 +150,25 @@ def draw_chimeras(observed: Floats, count: int, rng: np.random.Generator) -> Flo
     return np.concatenate(parts)[:, None]
 
 
-def draw_blurred(observed: Floats, count: int, rng: np.random.Generator) -> Floats:
+def draw_blurred(
+    observed: Floats, count: int, rng: np.random.Generator, within: float = 1.0
+) -> Floats:
     """Draw ``count`` points of the kernel density of data [P, F, d], with a round kernel.
 
     The bandwidth is Silverman's, P^(-1 / (n + 4)) standard deviations for n = F d. Normalized data
-    have the median distance 1 from their median, so that the standard deviation is d^(-1/2).
+    have the median distance 1 from their median, so that the standard deviation is d^(-1/2). It is
+    no larger than that of a ball about the point with the share ``within`` of the data.
     """
     size, frames, d = observed.shape
-    bandwidth = size ** (-1.0 / (frames * d + 4.0)) / math.sqrt(d)
-    centre = observed[rng.integers(size, size=count)]
-    return np.asarray(centre + bandwidth * rng.standard_normal(centre.shape))
+    chosen = rng.integers(size, size=count)
+    bandwidth = np.full(count, size ** (-1.0 / (frames * d + 4.0)) / math.sqrt(d))
+    if within < 1.0:
+        flat = observed.reshape(size, -1)
+        neighbour = min(max(round(within * size), 1), size - 1)
+        reach = nearest(flat, flat[chosen], neighbour + 1)[0][:, -1]
+        bandwidth = np.minimum(bandwidth, reach / math.sqrt(frames * d + 2.0))
+    moved = bandwidth[:, None, None] * rng.standard_normal((count, frames, d))
+    return np.asarray(observed[chosen] + moved)
 
 
 def log_tail(hits: Integers, trials: int, log_share: Floats) -> Floats:

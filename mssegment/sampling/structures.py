@@ -20,7 +20,7 @@ from mssegment.neighbours import nearest_others
 from mssegment.progress import track
 from mssegment.records import Floats, HypothesisSet, Integers, Normalization, Record, State
 from mssegment.sampling.neighbourhoods import random_subset
-from mssegment.sampling.null_model import NullModel
+from mssegment.sampling.null_model import NullModel, log_nfa_in_clusters
 from mssegment.sampling.options import Sampling, SamplingOptions
 from mssegment.special import median
 
@@ -118,7 +118,7 @@ def sample_structures(
         NullModel.of(model, observed, rng),
     )
     subsets, found, drawn = _sample(data, options, rng)
-    found, kept = finished(data.null, observed, found)
+    found, kept = finished(data.null, observed, found, rng)
     subsets, found = subsets[kept], found[kept]
     return HypothesisSet(
         model=model.name,
@@ -199,12 +199,14 @@ def optimized(
     return points, inliers, log_nfa
 
 
-def finished(null: NullModel, observed: Floats, points: Floats) -> tuple[Floats, Flags]:
+def finished(
+    null: NullModel, observed: Floats, points: Floats, rng: np.random.Generator
+) -> tuple[Floats, Flags]:
     """Refit hypotheses [B, ...] to the end, and say which are good ones of a structure.
 
     A mixture of two structures may be meaningful too, but less than each of them is to its own
     points. A hypothesis is kept if it is at least half as meaningful as the best one of its median
-    inlier.
+    inlier, and meaningful also where the data are clusters.
     """
     points, inliers, log_nfa = optimized(null, observed, points, FINAL_ROUNDS)
     evidence = np.maximum(-log_nfa, 0.0)
@@ -212,7 +214,10 @@ def finished(null: NullModel, observed: Floats, points: Floats) -> tuple[Floats,
         return points, np.zeros(0, dtype=bool)
     best = (inliers * evidence[:, None]).max(axis=0)
     usual = np.array([median(best[own]) if own.any() else np.inf for own in inliers])
-    return points, np.asarray(evidence >= DOMINATED * usual)
+    kept = evidence >= DOMINATED * usual
+    in_clusters = log_nfa_in_clusters(null.model, observed, points[kept], inliers[kept], rng)
+    kept[kept] = in_clusters < MAX_LOG_NFA
+    return points, np.asarray(kept)
 
 
 def _draw(data: _Data, sampling: Sampling, left: Flags, rng: np.random.Generator) -> Integers:
