@@ -131,8 +131,8 @@ def log_nfa_in_clusters(
     log_share = np.log((near + 1.0) / (SAMPLES + 1.0))
     count, m = len(observed), model.subset_size
     hits = inliers.sum(axis=1) - m
-    tails = [log_tail(hits[k : k + 1], max(count - m, 1), log_share[k]) for k in range(len(points))]
-    return _log_tests(count, m) + np.concatenate(tails).reshape(-1)
+    tail = log_tail(hits, max(count - m, 1), log_share[None])[0]
+    return np.asarray(_log_tests(count, m) + tail)
 
 
 def draw_chimeras(observed: Floats, count: int, rng: np.random.Generator) -> Floats:
