@@ -87,7 +87,7 @@ CONSTANTS = (
     Constant(PERSPECTIVE, "SETTLED", "well below the noise: at 0 the decisions are the same"),
     Constant(WALK_TEST, "SURROGATES", "enough for a mean"),
     Constant(GROUP_TEST, "MOVING", "theory: 1.4 for noise"),
-    Constant(GROUP_TEST, "LEVEL", "one in a hundred sequences of noise"),
+    Constant(GROUP_TEST, "LEVEL", "a third of one in a hundred sequences of noise"),
     Constant(MODEL_ORDER, "DOUBT", "odds of 20 to 1, the usual level of a test"),
     Constant(MODEL_ORDER, "LEAST_SEPARATION", "a debt: chosen on random scenes and Hopkins155"),
     Constant(BORDER, "BORDER_NEIGHBOURS", "chosen: the usual neighbourhood"),

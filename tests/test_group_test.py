@@ -9,8 +9,11 @@ import pytest
 from scipy.stats import chi2
 from scipy.stats import t as student_t
 
+from mssegment.segmentation.consensus import group_test
 from mssegment.segmentation.consensus.group_test import (
+    DECIDED,
     LEVEL,
+    MORE_SURROGATES,
     SURROGATES,
     by_chance,
     log_combined,
@@ -59,6 +62,16 @@ def test_probabilities_are_uniform_under_the_null_hypothesis(make) -> None:
     # Kolmogorov's bound for 60 values at a level of 0.001
     rank = (np.arange(60) + 0.5) / 60
     assert np.abs(np.sort(values) - rank).max() < 1.95 / math.sqrt(60)
+
+
+def test_what_nine_surrogates_leave_open_is_tested_with_more(monkeypatch) -> None:
+    own, null = -2.2, np.resize([-1.0, 0.0, 1.0], SURROGATES + MORE_SURROGATES)
+    drawn = iter([*null[:SURROGATES], own, *null[SURROGATES:]])
+    monkeypatch.setattr(group_test, "coherence", lambda *_: next(drawn))
+    points = walks(np.random.default_rng(0), 30, 6)
+    found = log_false_alarms_of_group(points, 1, np.random.default_rng(0))
+    assert found == pytest.approx(log_probability_below(own, null))
+    assert DECIDED[0] < log_probability_below(own, null[:SURROGATES]) < DECIDED[1]
 
 
 @pytest.mark.parametrize("frames", [3, 8, 20])
