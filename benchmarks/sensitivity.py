@@ -30,7 +30,7 @@ MODEL_ORDER = "mssegment.segmentation.consensus.model_order"
 PERSPECTIVE = "mssegment.geometry.projective_flats"
 GROUP_TEST = "mssegment.segmentation.consensus.group_test"
 WALK_TEST = "mssegment.segmentation.consensus.walk_test"
-CLUSTERING = "mssegment.segmentation.consensus.clustering"
+GROUPS = "mssegment.segmentation.consensus.groups"
 ROWS = ("hopkins-single", "noise-walks", "two-bodies", "random-10")
 FACTORS = (2 / 3, 3 / 2)
 
@@ -92,8 +92,8 @@ CONSTANTS = (
     Constant(MODEL_ORDER, "LEAST_SEPARATION", "a debt: chosen on random scenes and Hopkins155"),
     Constant(BORDER, "BORDER_NEIGHBOURS", "chosen: the usual neighbourhood"),
     Constant(BORDER, "BORDER_FRACTION", "chosen on Hopkins155"),
-    Constant(CLUSTERING, "MIN_GROUP_SIZE", "theory: twice an elemental subset of 4 tracks"),
-    Constant(CLUSTERING, "MIN_GROUP_SHARE", "a debt: chosen on Hopkins155"),
+    Constant(GROUPS, "MIN_GROUP_SIZE", "theory: twice an elemental subset of 4 tracks"),
+    Constant(GROUPS, "MIN_GROUP_SHARE", "a debt: chosen on Hopkins155"),
 )
 
 
