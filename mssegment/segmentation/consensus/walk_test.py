@@ -183,8 +183,8 @@ def _compared(
 def _null(flat: Flat, points: Floats, rng: np.random.Generator) -> Null:
     """Of the residuals of surrogates of each track [n, F, 2] from a flat."""
     turned = turned_paths if moves(points) else turned_steps
-    drawn = [flat.residuals(turned(points, rng)) for _ in range(SURROGATES)]
-    found = np.log(np.array(drawn) + TINY)
+    drawn = np.concatenate([turned(points, rng) for _ in range(SURROGATES)])
+    found = np.log(flat.residuals(drawn).reshape(SURROGATES, -1) + TINY)
     spread = float(np.sqrt(np.nanmedian(found.var(axis=0, ddof=1))))
     return Null(found.mean(axis=0), spread + TINY)
 
