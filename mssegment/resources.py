@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -24,7 +25,7 @@ class Timings(State):
         start = time.perf_counter()
         yield
         self.seconds[name] = time.perf_counter() - start
-        self.peak_bytes[name] = _peak_bytes()
+        self.peak_bytes[name] = peak_bytes()
 
 
 def keep_freed_memory() -> None:
@@ -43,7 +44,8 @@ def keep_freed_memory() -> None:
         np.empty(31 * 2**20, dtype=np.uint8)
 
 
-def _peak_bytes() -> int:
+def peak_bytes() -> int:
+    """The peak memory of this process so far; 0 where the system does not count it."""
     try:
         import resource
     except ImportError:  # Windows has no such counter
@@ -52,3 +54,10 @@ def _peak_bytes() -> int:
 
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     return int(peak if sys.platform == "darwin" else peak * 1024)
+
+
+def processors() -> int:
+    """The number of processors that this process may use."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1

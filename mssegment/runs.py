@@ -112,12 +112,14 @@ def write_clip_run(
     folder: ResultFolder,
     out: str,
     *,
+    own_process: bool = False,
     further: Callable[[ClipRun], dict[str, bytes]] = lambda run: {},
 ) -> ClipRun:
     """Segment a long clip (``clips.choice.clip_of``) window by window, and write every file.
 
-    With a ``folder`` of the key ``clips.choice.key_of``, an interrupted run goes on. ``further``
-    gives more files, as in ``write_run``.
+    With a ``folder`` of the key ``clips.choice.key_of``, an interrupted run goes on. With
+    ``own_process``, windows are segmented in a process of their own, beside the tracking.
+    ``further`` gives more files, as in ``write_run``.
 
     Raises DataError if a frame cannot be read, UsageError if a file cannot be written.
     """
@@ -125,11 +127,12 @@ def write_clip_run(
 
     timings = Timings()
     with timings.stage("clip"):
-        found = write_results(clip, configuration, folder.path)
+        found = write_results(clip, configuration, folder.path, own_process=own_process)
         run = ClipRun(found.document, found.names, timings, found.said)
         for name, content in further(run).items():
             write_bytes(str(folder.path / name), content)
             run.names.append(name)
+    timings.peak_bytes["clip"] += found.beside_bytes
     _mark_stale(folder, out, clip.paths)
     _write_record(run, folder)
     return run

@@ -118,12 +118,13 @@ def command(
     from mssegment.batch import Batch, items_of
     from mssegment.batch.pools import dask_pool, local_pool
     from mssegment.batch.summary import sentence, write_summary
+    from mssegment.resources import processors
 
     options = [setting for setting in settings if setting.origin.startswith("--")]
     environment = [setting for setting in settings if not setting.origin.startswith("--")]
     below = [*(from_file(config) if config else []), *environment]
     items = items_of(inputs, below, [*options, *from_text(assignments)])
-    cores = _processors()
+    cores = processors()
     jobs = jobs or min(cores, max(1, len(items)))
     batch = Batch(items, out, retry_failed, fail_fast=not keep_going)
     width = max(12, *(len(item.name) for item in items))
@@ -159,13 +160,6 @@ def _check_scheduler(scheduler: str | None, ship: bool) -> None:
         raise UsageError("--ship: it goes with --scheduler; processes of this machine read files")
     if scheduler is not None and scheduler != "local" and "://" not in scheduler:
         raise UsageError(f"--scheduler {scheduler}: expected tcp://HOST:PORT, or local")
-
-
-def _processors() -> int:
-    """The processors that this process may use."""
-    if hasattr(os, "sched_getaffinity"):
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1
 
 
 def _sentence(result: Result) -> str:

@@ -170,14 +170,17 @@ def _run_clip(
     from mssegment.clips.choice import key_of
     from mssegment.folders import result_folder
     from mssegment.rendering.clip_tables import clip_summary, format_clip
+    from mssegment.resources import keep_freed_memory
     from mssegment.runs import write_clip_run
+
+    keep_freed_memory()
 
     with result_folder(out, replace=force, key=key_of(clip, configuration)) as folder:
         if folder.resumed:
             console.note(f"going on with the finished windows in {folder.path}")
         with console.working("clip"):
             try:
-                run = write_clip_run(clip, configuration, folder, out)
+                run = write_clip_run(clip, configuration, folder, out, own_process=True)
             except KeyboardInterrupt:
                 console.note(f"the finished windows are in {folder.path}; the same command goes on")
                 raise

@@ -1,8 +1,8 @@
 """A long clip from its frames, or the file of its tracks, to the files of its windows.
 
 Three things happen at the same time: one thread decodes frames and detects their corners, this one
-follows the tracks, and another one segments the windows that are full and writes their files. Of a
-file of tracks only the last remains.
+follows the tracks, and another one has the windows that are full segmented, in a process of its own
+or by itself, and writes their files. Of a file of tracks only the last remains.
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ from pathlib import Path
 
 from mssegment.clips.choice import limits_of
 from mssegment.clips.pixels import windows_of_pixels
+from mssegment.clips.segmenter import Segmenter
 from mssegment.clips.store import CLIP, ClipState, ClipStore, read_clip
 from mssegment.clips.summary import summary
 from mssegment.clips.track_clip import TrackClip, windows_of_tracks
@@ -29,6 +30,7 @@ def process(
     configuration: Configuration,
     folder: Path,
     on_window: Callable[[WindowDocument], None] = lambda window: None,
+    segmenter: Segmenter | None = None,
 ) -> ClipDocument:
     """Segment a clip window by window.
 
@@ -42,6 +44,8 @@ def process(
         Where the files go. If it holds the state of the same clip, interrupted, that is continued.
     on_window : callable
         Called with the document of each window when its files are written.
+    segmenter : Segmenter, optional
+        Who segments the windows; by default the thread that writes their files.
 
     Returns
     -------
@@ -58,7 +62,7 @@ def process(
         return read_clip(str(folder))[0]
     state = store.read_state()
     if state is None or not state.is_last:
-        state = _segment(clip, configuration, store, state, on_window)
+        state = _segment(clip, configuration, store, state, on_window, segmenter or Segmenter())
     document = summary(clip, configuration, store, state)
     store.write_clip(document)
     return document
@@ -70,10 +74,11 @@ def _segment(
     store: ClipStore,
     resumed: ClipState | None,
     on_window: Callable[[WindowDocument], None],
+    segmenter: Segmenter,
 ) -> ClipState:
     """Segment the windows that are left; the state after the last one."""
     with threads_beside(2), closing(_windows(clip, configuration, resumed)) as windows:
-        worker = Worker(clip, store, configuration, resumed, on_window)
+        worker = Worker(clip, store, configuration, resumed, on_window, segmenter)
         try:
             for window in windows:
                 worker.put(window)
@@ -81,6 +86,8 @@ def _segment(
         except BaseException:
             worker.stop()
             raise
+        finally:
+            segmenter.stop()
 
 
 def _windows(

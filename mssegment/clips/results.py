@@ -7,6 +7,7 @@ from pathlib import Path
 
 from mssegment.clips.exports import write_exports
 from mssegment.clips.process import process
+from mssegment.clips.segmenter import new_segmenter
 from mssegment.clips.store import CLIP, ClipStore
 from mssegment.clips.track_clip import TrackClip
 from mssegment.clips.video import draw_clip, write_video
@@ -23,11 +24,15 @@ STILLS = 6
 
 
 class ClipResults(Record, frozen=True):
-    """The document of a clip, the names of its files, and what is to be said of them."""
+    """The document of a clip, the names of its files, and what is to be said of them.
+
+    ``beside_bytes`` is the peak memory of the process that segmented the windows, if there was one.
+    """
 
     document: ClipDocument
     names: list[str]
     said: list[str]
+    beside_bytes: int = 0
 
 
 def write_results(
@@ -35,17 +40,22 @@ def write_results(
     configuration: Configuration,
     folder: Path,
     on_window: Callable[[WindowDocument], None] = lambda window: None,
+    *,
+    own_process: bool = False,
 ) -> ClipResults:
     """Segment a clip and write all its files into a folder.
 
     If the folder holds windows of the same clip, that an interrupted process wrote, they are kept.
+    With ``own_process``, windows of pictures are segmented in a process of their own.
 
     Raises DataError if a frame cannot be read, UsageError if a file cannot be written.
     """
-    document = process(clip, configuration, folder, on_window)
+    # a file of tracks leaves the other process nothing to be beside of
+    segmenter = new_segmenter(own_process=own_process and not isinstance(clip, TrackClip))
+    document = process(clip, configuration, folder, on_window, segmenter)
     store, settings = ClipStore(folder), configuration.report
     names = [CLIP, *(name for i in range(len(document.windows)) for name in store.names(i))]
-    said = []
+    said = list(segmenter.said)
     if settings.video:
         said.append(write_video(clip, document, store, folder / VIDEO))
         names.append(VIDEO)
@@ -64,7 +74,7 @@ def write_results(
         page = render_clip_page(document, stills, VIDEO if settings.video else None)
         write_bytes(str(folder / PAGE), page.encode())
         names.append(PAGE)
-    return ClipResults(document, names, said)
+    return ClipResults(document, names, said, segmenter.peak_bytes)
 
 
 def stills_of(document: ClipDocument) -> list[int]:

@@ -9,7 +9,8 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from mssegment.clips.segment import SegmentedWindow, segment_window
+from mssegment.clips.segment import SegmentedWindow
+from mssegment.clips.segmenter import Segmenter, Task
 from mssegment.clips.store import ClipState, ClipStore, LiveTracks
 from mssegment.clips.track_clip import TrackClip
 from mssegment.clips.windows import FullWindow
@@ -29,7 +30,7 @@ WAITING_WINDOWS = 2
 
 
 class Worker:
-    """Segments windows in their order, in a thread, and writes their files."""
+    """Has windows segmented in their order, in a thread, and writes their files."""
 
     def __init__(
         self,
@@ -38,8 +39,11 @@ class Worker:
         configuration: Configuration,
         resumed: ClipState | None,
         on_window: Callable[[WindowDocument], None],
+        segmenter: Segmenter,
     ) -> None:
         self._store, self._configuration, self._on_window = store, configuration, on_window
+        self._segmenter = segmenter
+        segmenter.start()
         self._camera = clip.camera if isinstance(clip, TrackClip) else None
         self._history = (
             clip.history if isinstance(clip, TrackClip) else (entry_of("detect", configuration),)
@@ -82,8 +86,9 @@ class Worker:
         return self._state
 
     def stop(self) -> None:
-        """End after the window that is being segmented."""
+        """End; a window that a process of its own segments is not waited for."""
         self._stopped.set()
+        self._segmenter.stop()
         self._thread.join()
 
     def _run(self) -> None:
@@ -109,14 +114,16 @@ class Worker:
             self._identities = IdentityTracker((frame.width, frame.height))
         earlier_background = np.isin(window.tracks, self._background)
         seen_before = self._identities.history.usual(window.tracks) >= STATIC_WORLD
-        found = segment_window(
-            window.points,
-            window.frames,
-            self._configuration,
-            earlier_background=earlier_background,
-            moved_before=seen_before & ~earlier_background,
-            camera=self._camera,
-            history=self._history,
+        found = self._segmenter.segment(
+            Task(
+                window.points,
+                window.frames,
+                self._configuration,
+                earlier_background=earlier_background,
+                moved_before=seen_before & ~earlier_background,
+                camera=self._camera,
+                history=self._history,
+            )
         )
         found = _separated(window, found, self._identities)
         joined = self._identities.add(_labels(window, found), window.paused)
