@@ -137,6 +137,22 @@ def test_a_video_by_frame_numbers(video: str) -> None:
     assert [f.index for f in open_frames([video], start=7, stop=100).frames] == [7, 8, 9]
 
 
+@pytest.mark.parametrize("suffix", ["mjpeg", "mjpg"])
+def test_a_stream_of_jpeg_pictures_is_a_video(tmp_path: Path, suffix: str) -> None:
+    # of some length: FFmpeg tells a stream of pictures from its first two kilobytes
+    pictures = [cv2.imencode(".jpg", texture(480, 640, seed=i))[1] for i in range(5)]
+    content = b"".join(picture.tobytes() for picture in pictures)
+    stream, photo = tmp_path / f"film.{suffix}", tmp_path / "photo.jpg"
+    stream.write_bytes(content)
+    photo.write_bytes(content)
+    source = open_frames([str(stream)])
+    for i in range(5):
+        assert np.abs(source.grey(i).astype(float) - texture(480, 640, seed=i)).max() < 60
+    assert len(source) == 5
+    # a photo may have a second view behind the first
+    assert not frames.is_moving(str(photo))
+
+
 def test_frames_of_a_document_open_again_in_any_order(video: str, pair: list[str]) -> None:
     again = reopen_frames(open_frames([video], step=3).frames)
     assert again.grey(2).mean() > again.grey(0).mean()

@@ -14,12 +14,15 @@ from mssegment.configuration import Configuration, Setting, resolve
 from mssegment.configuration.files import read_settings
 from mssegment.errors import ConfigurationError, DataError
 from mssegment.imaging.frames import is_moving
-from mssegment.imaging.pictures import PICTURE_SUFFIXES
+from mssegment.imaging.pictures import MOTION_JPEG_SUFFIXES, PICTURE_SUFFIXES
 from mssegment.imaging.sources import natural_key
 from mssegment.records import Record
 from mssegment.runs import are_tracks
 
-VIDEOS = (".mp4", ".avi", ".mov", ".mkv", ".webm", ".m4v", ".mpg", ".mpeg", ".gif", ".wmv", ".mts")
+VIDEOS = (
+    *(".mp4", ".avi", ".mov", ".mkv", ".webm", ".m4v", ".mpg", ".mpeg", ".gif", ".wmv", ".mts"),
+    *MOTION_JPEG_SUFFIXES,
+)
 TRACKS = (".csv", ".tsv", ".mat", ".npy", ".npz", ".h5", ".hdf5", ".db")
 """What counts as a clip or a file of tracks in a folder; files named one by one may be others."""
 DEEPEST = 4

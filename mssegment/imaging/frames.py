@@ -301,13 +301,18 @@ def frames_in_memory(frames: Sequence[Frame], pixels: Sequence[StoredPicture]) -
 
 def _moving(path: str) -> Video | Stack:
     """The reader of a file with several frames: the frames of a video, or a stack of pictures."""
-    with Path(path).open("rb") as file:
-        head = file.read(512)
-    if pictures.looks_like_picture(path, head):
+    if not is_video(path):
         return Stack(path)
     from mssegment.imaging.videos import Video  # loads what pictures have no need of
 
     return Video(path)
+
+
+def is_video(path: str) -> bool:
+    """Whether a file with several frames is a video, rather than a stack of pictures."""
+    with Path(path).open("rb") as file:
+        head = file.read(512)
+    return pictures.is_motion_jpeg(path, head) or not pictures.looks_like_picture(path, head)
 
 
 def is_moving(path: str) -> bool:
@@ -319,6 +324,8 @@ def is_moving(path: str) -> bool:
     try:
         with Path(path).open("rb") as file:
             head = file.read(512)
+            if pictures.is_motion_jpeg(path, head):
+                return True
             is_picture = not head or pictures.looks_like_picture(path, head)
             if is_picture:
                 return head.startswith(_MAY_BE_STACKS) and is_stack(pictures.read_bytes(path))

@@ -19,7 +19,7 @@ NOT_OPENED = 3
 OPTIONS = {
     "protocol_whitelist": "file",
     "format_whitelist": "mov,mp4,m4a,3gp,3g2,mj2,avi,matroska,webm,mpegts,mpeg,mpegvideo,flv,asf,"
-    "ogg,ivf,dv,mjpeg,mjpeg_2000,h264,hevc,m4v,av1,obu,yuv4mpegpipe,rm,mxf,nut,vc1,wtv,gif,apng",
+    "ogg,ivf,dv,mjpeg,jpeg_pipe,mjpeg_2000,h264,hevc,m4v,av1,obu,yuv4mpegpipe,rm,mxf,nut,vc1,wtv,gif,apng",
 }
 """FFmpeg opens videos, and nothing that names other files or addresses, such as playlists."""
 _MJPEG = int.from_bytes(b"MJPG", "little")

@@ -26,6 +26,8 @@ PICTURE_SUFFIXES = frozenset(
     | {".apng", ".ppm", ".tif", ".tiff", ".webp"}
 )
 """Files in a folder with one of these suffixes are taken as pictures."""
+MOTION_JPEG_SUFFIXES = (".mjpeg", ".mjpg")
+"""Streams of JPEG pictures, one after the other."""
 
 _MISSING = "no such file; check the path"
 _NO_MEMORY = -4
@@ -60,6 +62,14 @@ def looks_like_picture(path: str, head: bytes) -> bool:
     is_webp = head[:4] == b"RIFF" and head[8:12] == b"WEBP"
     suffix = Path(path).suffix.lower()
     return head.startswith(signatures) or is_webp or suffix in PICTURE_SUFFIXES
+
+
+def is_motion_jpeg(path: str, head: bytes) -> bool:
+    """Whether a file that begins as a JPEG picture is a stream of them.
+
+    Only its name tells it from a photo with a thumbnail or a second view behind it.
+    """
+    return head.startswith(b"\xff\xd8\xff") and path.lower().endswith(MOTION_JPEG_SUFFIXES)
 
 
 def decode(path: str, content: bytes) -> StoredPicture:

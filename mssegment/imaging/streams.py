@@ -8,7 +8,6 @@ import queue
 import threading
 from collections.abc import Collection, Generator, Iterator, Sequence
 from itertools import islice
-from pathlib import Path
 from typing import TypeVar
 
 import cv2
@@ -17,7 +16,7 @@ import numpy.typing as npt
 
 from mssegment.errors import DataError
 from mssegment.imaging import pictures
-from mssegment.imaging.frames import is_moving
+from mssegment.imaging.frames import is_moving, is_video
 from mssegment.imaging.pictures import StoredPicture
 from mssegment.imaging.sources import expand
 from mssegment.imaging.video_readers import VideoFrame, announced_frames, read
@@ -118,16 +117,11 @@ def long_clip(
             return None
         digest = hashlib.sha256("".join(map(pictures.sha256, chosen)).encode()).hexdigest()
         return Clip(tuple(chosen), False, 0, None, 1, digest)
-    if len(paths) > 1 or pictures.looks_like_picture(paths[0], _head(paths[0])):
+    if len(paths) > 1 or not is_video(paths[0]):
         return None
     if _frames_at_least(paths[0], start, stop, step, longer_than + 1):
         return Clip((paths[0],), True, start, stop, step, pictures.sha256(paths[0]))
     return None
-
-
-def _head(path: str) -> bytes:
-    with Path(path).open("rb") as file:
-        return file.read(512)
 
 
 def _frames_at_least(path: str, start: int, stop: int | None, step: int, least: int) -> bool:
