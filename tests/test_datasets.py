@@ -169,7 +169,6 @@ def test_sightings_as_csv_keep_the_gaps(tmp_path: Path) -> None:
         ("x1,x1,x2,y2\n1,2,3,4\n", "two columns have the same name"),
         ("track,frame,x,y\n1,1,2,3\n1,1,2,3\n", "two positions"),
         ("track,frame,x,y,visible\n1,1,2,3,1\n1,2,2,3,7\n", "line 3: '7' in column 'visible'"),
-        ("x1,y1,x2,y2\n.1,.2,.3,.4\n.2,.4,.5,.9\n", "expected pixels: multiply x by the width"),
         ("track,frame,x,y,label\n1,1,2,3,1\n1,2,2,3,2\n", "two labels"),
         ("x1,y1,x2,y2,label\n1,2,3,4,-2\n", "found -2"),
     ],

@@ -630,6 +630,23 @@ def test_deep_storage_is_one_line(tmp_path: Path) -> None:
         datasets.read(tmp_path / "t.xml")
 
 
+def test_units_of_the_picture_are_pixels_where_its_size_is_known(
+    points: Floats, tmp_path: Path
+) -> None:
+    sizes = np.array([[500, 400]] * FRAMES)
+    shares = (points + 0.5) / sizes
+    assert 0 < np.nanmin(shares) < np.nanmax(shares) < 1
+    np.save(tmp_path / "t.npy", shares)
+    for f, (width, height) in enumerate(sizes.tolist()):
+        cv2.imwrite(str(tmp_path / f"{f}.png"), np.zeros((height, width), np.uint8))
+    path = str(tmp_path / "t.npy")
+    found = pipeline.import_tracks(path, open_frames([str(tmp_path / "*.png")]))
+    np.testing.assert_allclose(found.tracks.points, points, atol=1e-9)
+    assert any("in units of the image: multiplied" in note for note in found.history[-1].notes)
+    with pytest.raises(DataError, match="name the pictures with --images"):
+        pipeline.import_tracks(path)
+
+
 def test_y_upwards_is_turned_on_the_pictures(points: Floats, tmp_path: Path) -> None:
     """3DEqualizer counts from the lower left corner of the picture."""
     upwards = np.stack([points[..., 0] + 0.5, 400 - (points[..., 1] + 0.5)], axis=-1).round(2)

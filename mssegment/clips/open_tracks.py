@@ -25,11 +25,13 @@ def clip_of_tracks(path: str, found: ImportedTracks, source: FrameSource | None)
     Raises DataError if a frame has no picture, or most positions lie outside them.
     """
     tracks = found.scattered
-    points, notes = pipeline.upright(tracks.points, found, source)
-    tracks = msgspec.structs.replace(tracks, points=points)
-    frames = list(found.frames)
+    frames, sizes = list(found.frames), None
     if source is not None:
         frames = pictures_of_frames(frames, source.frames)
+        sizes = pipeline.sizes_of(frames)[tracks.column]
+    points, notes = pipeline.in_pixels(tracks.points, found, sizes)
+    tracks = msgspec.structs.replace(tracks, points=points)
+    if source is not None:
         notes += check_inside(points, tracks.column, frames)
     if tracks.labels is not None:
         notes += (UNUSED_LABELS,)

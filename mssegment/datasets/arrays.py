@@ -15,7 +15,6 @@ from mssegment.datasets.base import (
     ImportedTracks,
     ScatteredTracks,
     check_labels,
-    check_pixels,
     check_points,
     frames_inside,
     size_that_holds,
@@ -79,7 +78,6 @@ def read(file: InputFile) -> ImportedTracks:
     if hidden:
         why = ", ".join(used) or "third coordinate"
         notes += (f"{hidden} of {visible.size} positions are not visible ({why})",)
-    check_pixels(points, where)
     check_points(points, where)
     labels, label_name = _labels(file, len(points))
     ids, id_name = _ids(file.variables, len(points))
@@ -187,7 +185,6 @@ def _from_rows(values: Floats, file: InputFile, where: str) -> ImportedTracks:
     points = values.reshape(len(values), -1, 2)
     notes = (f"array [n, {values.shape[1]}]: read as x1, y1, x2, y2, ...", *notes)
     _check_finite(points, where)
-    check_pixels(points, where)
     check_points(points, where)
     return ImportedTracks(
         file.path.stem,

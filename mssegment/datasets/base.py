@@ -66,9 +66,7 @@ class ScatteredTracks(Record, frozen=True):
         return Tracks(points, labels=self.labels)
 
     def check(self) -> None:
-        """Validate as ``check_points`` and ``check_pixels`` do; raises DataError."""
-        if len(self.points):
-            check_pixels(self.points, self.where)
+        """Validate as ``check_points`` does; raises DataError."""
         _check_counts(self.tracks, self.frames, self.where)
         wild = np.argwhere(np.abs(self.points) > LARGEST_COORDINATE - 1)
         if len(wild):
@@ -85,8 +83,9 @@ class ImportedTracks(Record, frozen=True):
     name : str
         The name of the sequence.
     given : Tracks or ScatteredTracks
-        The tracks in pixels, with true labels if the file has them, as an array [P, F, 2] or as the
-        list of the positions that are visible.
+        The tracks, with true labels if the file has them, as an array [P, F, 2] or as the list of
+        the positions that are visible; in pixels, unless ``unit_range`` says that all are in units
+        of the image.
     frames : tuple of Frame
         One per frame: the path of the file and the index of the frame in it. If the file does not
         state the size of its images, it is the smallest that contains every point.
@@ -303,12 +302,13 @@ def _too_far(track: int, frame: int, value: float, where: str) -> DataError:
     )
 
 
-def check_pixels(points: Floats, where: str) -> None:
-    """Raises DataError for ``points`` [P, F, 2] that lie between 0 and 1, in units of the image."""
+def unit_range(points: Floats) -> tuple[float, float] | None:
+    """The least and largest coordinate of ``points`` [..., 2] in units of the image.
+
+    None if they are in pixels: not all between 0 and 1, or all at one place.
+    """
     seen = points[np.isfinite(points).all(axis=-1)]
     # a single pixel holds no motion that could be found, so these are no pixels
     if len(seen) > 1 and seen.min() >= 0 and seen.max() <= 1 and np.ptp(seen, axis=0).any():
-        raise DataError(
-            f"{where}: all positions lie between {seen.min():.2g} and {seen.max():.2g}, in units "
-            "of the image; expected pixels: multiply x by the width and y by the height"
-        )
+        return float(seen.min()), float(seen.max())
+    return None

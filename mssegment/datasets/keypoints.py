@@ -9,7 +9,6 @@ import numpy as np
 from mssegment.datasets.base import (
     DataSet,
     ImportedTracks,
-    check_pixels,
     check_points,
     frames_inside,
     size_that_holds,
@@ -77,7 +76,6 @@ def matched(points: Floats, pairs: Integers, file: InputFile, note: str = "") ->
     if np.isinf(points).any():
         raise DataError(f"{file.name}: a keypoint is at infinity; expected pixels")
     points = np.where(np.isnan(points).any(axis=-1, keepdims=True), np.nan, points)
-    check_pixels(points, file.name)
     check_points(points, file.name)
     return ImportedTracks(
         file.path.stem,

@@ -8,7 +8,6 @@ import numpy.typing as npt
 from mssegment.datasets.base import (
     DataSet,
     ImportedTracks,
-    check_pixels,
     check_points,
     frames_inside,
     size_that_holds,
@@ -58,8 +57,6 @@ def read_matches(table: Table, file: InputFile) -> ImportedTracks:
     points = np.moveaxis(np.array(columns, dtype=np.float64), -1, 0)
     half: npt.NDArray[np.bool_] = np.asarray(np.isnan(points).any(axis=-1))
     points[half] = np.nan
-    if len(points):
-        check_pixels(points, file.name)
     check_points(points, file.name)
     if half.any():
         lost = int(half.any(axis=1).sum())

@@ -15,7 +15,6 @@ import numpy as np
 from mssegment.datasets.base import (
     DataSet,
     ImportedTracks,
-    check_pixels,
     check_points,
     frames_inside,
     size_that_holds,
@@ -50,7 +49,6 @@ def read(file: InputFile) -> ImportedTracks:
     halves = _steps(in_halves) < _steps(alternating)
     points = (in_halves if halves else alternating).copy()
     points[np.isnan(points).any(axis=-1)] = np.nan
-    check_pixels(points, where)
     check_points(points, where)
     rows = "all rows of x, then all of y" if halves else "rows of x and y in turn"
     return ImportedTracks(

@@ -11,7 +11,6 @@ import numpy.typing as npt
 from mssegment.datasets.base import (
     DataSet,
     ImportedTracks,
-    check_pixels,
     check_points,
     frames_inside,
     size_that_holds,
@@ -70,7 +69,6 @@ def read(file: InputFile) -> ImportedTracks:
         points, ids = _by_object(points, ids, table, time, track)
     elif time is not None:
         points = points[:, _order(table, time)]
-    check_pixels(points, file.name)
     check_points(points, file.name)
     notes = [f"read as a row per frame: {points.shape[1]} frames of {len(points)} points"]
     return ImportedTracks(

@@ -10,7 +10,6 @@ import numpy as np
 from mssegment.datasets.base import (
     DataSet,
     ImportedTracks,
-    check_pixels,
     check_points,
     frames_inside,
     size_that_holds,
@@ -51,7 +50,6 @@ def read(file: InputFile) -> ImportedTracks:
     points = unseen(len(entries), len(names), file.name)
     for row, (own, seen) in enumerate(zip(places, frames, strict=True)):
         points[row, [column[name] for name in seen]] = own
-    check_pixels(points, file.name)
     check_points(points, file.name)
     id_name = first_of(entries[0], TRACK) or "id"
     return ImportedTracks(

@@ -10,10 +10,11 @@ from mssegment.pipeline.inputs import (
     document_of,
     import_points,
     import_tracks,
+    in_pixels,
     open_input,
     put_on_pictures,
     read_tracks,
-    upright,
+    sizes_of,
 )
 from mssegment.pipeline.matches import detect, match
 from mssegment.pipeline.motions import cluster
@@ -32,11 +33,12 @@ __all__ = [
     "hypothesize",
     "import_points",
     "import_tracks",
+    "in_pixels",
     "match",
     "open_input",
     "put_on_pictures",
     "read_tracks",
     "run",
+    "sizes_of",
     "straight",
-    "upright",
 ]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import msgspec
@@ -9,8 +10,10 @@ import numpy as np
 
 from mssegment.configuration import Configuration
 from mssegment.documents import STANDARD, TracksDocument, read_bytes
+from mssegment.errors import DataError
 from mssegment.history import entry_of
-from mssegment.records import Floats, replace
+from mssegment.imaging.backdrop import check_inside, pictures_of_frames
+from mssegment.records import Floats, Frame, replace
 
 if TYPE_CHECKING:
     from mssegment.datasets import ImportedTracks
@@ -65,7 +68,10 @@ def document_of(found: ImportedTracks, source: FrameSource | None = None) -> Tra
     lie outside them.
     """
     tracks = found.tracks
-    points, notes = upright(tracks.points, found, source)
+    sizes = None
+    if source is not None:
+        sizes = sizes_of(pictures_of_frames(found.frames, source.frames))
+    points, notes = in_pixels(tracks.points, found, sizes)
     document = TracksDocument(
         frames=list(found.frames),
         camera=found.camera,
@@ -75,17 +81,50 @@ def document_of(found: ImportedTracks, source: FrameSource | None = None) -> Tra
     return document if source is None else put_on_pictures(document, source)
 
 
-def upright(
-    points: Floats, found: ImportedTracks, source: FrameSource | None
+def in_pixels(
+    points: Floats, found: ImportedTracks, sizes: Floats | None
 ) -> tuple[Floats, tuple[str, ...]]:
-    """Positions [..., 2] with y counted downwards, and the notes of the tracks."""
-    if not found.is_upwards:
-        return points, found.notes
-    if source is None:
-        note = "y counts upwards: without --images everything is drawn upside down"
-        return points, (*found.notes, note)
-    # the lower left corner is 0, 0 there; the centre of the upper left pixel is, here
-    return points * [1.0, -1.0] + [-0.5, source.frames[0].height - 0.5], found.notes
+    """Positions in pixels from the centre of the upper left one, and the notes of the tracks.
+
+    Parameters
+    ----------
+    points : ndarray [..., 2]
+        Positions as the file has them: perhaps in units of the picture, or with y upwards.
+    found : ImportedTracks
+        What was read.
+    sizes : ndarray [..., 2], optional
+        Width and height of the picture of each position, where the pictures are given.
+
+    Raises
+    ------
+    DataError
+        If the positions are in units of a picture whose size is not known.
+    """
+    from mssegment.datasets.base import unit_range
+
+    notes, unit = found.notes, unit_range(points)
+    if unit is not None:
+        low, high = (f"{value:.2g}" for value in unit)
+        said = f"all positions lie between {low} and {high}, in units of the image"
+        if sizes is None:
+            raise DataError(
+                f"{found.frames[0].path}: {said}; expected pixels: name the pictures with "
+                "--images, or multiply x by the width and y by the height"
+            )
+        points, notes = points * sizes, (*notes, f"{said}: multiplied by its width and height")
+    if found.is_upwards:
+        if sizes is None:
+            note = "y counts upwards: without --images everything is drawn upside down"
+            return points, (*notes, note)
+        points = np.stack([points[..., 0], sizes[..., 1] - points[..., 1]], axis=-1)
+    # a corner of the picture is 0, 0 there; the centre of the upper left pixel is, here
+    from_corner = unit is not None or found.is_upwards
+    return points - 0.5 if from_corner else points, notes
+
+
+def sizes_of(pictures: Sequence[Frame]) -> Floats:
+    """Width and height of each picture, [F, 2]."""
+    return np.array([[picture.width, picture.height] for picture in pictures], dtype=np.float64)
 
 
 def import_points(path: str) -> TracksDocument:
@@ -127,8 +166,6 @@ def put_on_pictures(document: TracksDocument, source: FrameSource) -> TracksDocu
 
     Raises DataError if a frame has no picture, or most positions lie outside the pictures.
     """
-    from mssegment.imaging.backdrop import check_inside, pictures_of_frames
-
     frames = pictures_of_frames(document.frames, source.frames)
     seen = document.tracks.visible
     notes = check_inside(document.tracks.points[seen], np.nonzero(seen)[1], frames)
