@@ -398,6 +398,15 @@ def test_layouts_of_arrays(points: Floats, tmp_path: Path, kind: str) -> None:
     np.testing.assert_allclose(datasets.read(path).tracks.points, points)
 
 
+def test_half_a_position_is_none(tmp_path: Path) -> None:
+    values = np.random.default_rng(0).uniform(1, 300, (20, 4))
+    values[3, 1] = np.nan
+    np.save(tmp_path / "t.npy", values)
+    found = pipeline.import_tracks(str(tmp_path / "t.npy")).tracks.points
+    assert np.isnan(found[3, 0]).all()
+    assert np.isfinite(found).all(axis=2).sum() == 39
+
+
 def test_cells_of_matlab(points: Floats, tmp_path: Path) -> None:
     cells = np.empty((TRACKS, 1), dtype=object)
     for p in range(TRACKS):

@@ -185,6 +185,7 @@ def _from_rows(values: Floats, file: InputFile, where: str) -> ImportedTracks:
     points = values.reshape(len(values), -1, 2)
     notes = (f"array [n, {values.shape[1]}]: read as x1, y1, x2, y2, ...", *notes)
     _check_finite(points, where)
+    points[np.isnan(points).any(axis=-1)] = np.nan
     check_points(points, where)
     return ImportedTracks(
         file.path.stem,
