@@ -127,6 +127,17 @@ class TestIdentities:
         assert (rests.tracks[-20:] == 0).all()
         assert scene.add(30, {1: 1, 2: 2, 9: BACKGROUND}).motions == (1, 2)
 
+    @pytest.mark.parametrize(("stuck", "rests"), [(5, ()), (25, (1,))])
+    def test_tracks_that_stick_to_a_post_are_not_the_object_at_rest(
+        self, stuck: int, rests: tuple[int, ...]
+    ) -> None:
+        tracker, tracks = IdentityTracker(SIZE), np.arange(25)
+        moves, stays = block((100, 100), (2, 0)), block((140, 100), (0, 0))
+        tracker.add(WindowLabels(0, tracks, moves, np.ones(25, np.int64)))
+        stays[stuck:, 4:] = np.nan  # the others end soon, behind the post
+        found = tracker.add(WindowLabels(20, tracks, stays, np.full(25, BACKGROUND)))
+        assert found.resting == rests
+
     def test_objects_that_were_joined_for_a_while_get_their_identities_back(self) -> None:
         scene = Scene()
         scene.add(0, {1: 1, 2: 2})

@@ -234,7 +234,9 @@ class IdentityTracker(State):
     ) -> dict[int, Integers]:
         """The tracks that stand still, of the objects of which most do that go on.
 
-        They are of the static world, or of nothing that moves as one.
+        They are of the static world, or of nothing that moves as one. Most frames show half as many
+        as have shown the object: tracks that stick to what an object passes behind, when it has
+        gone, are fewer.
         """
         static = window.labels == BACKGROUND
         for j, rows in enumerate(own):
@@ -242,12 +244,13 @@ class IdentityTracker(State):
                 static[rows] = True
         still_or_none = static | (window.labels == OUTLIER)
         found = {}
-        for known in np.unique(usual[usual > STATIC_WORLD]).tolist():
+        # one whose size is not known has been lost, or was merged
+        for known in (k for k in np.unique(usual).tolist() if k in self.sizes):
             of_object = usual == known
             still = np.flatnonzero(of_object & still_or_none)
-            # what is left of an object that has gone is no object
-            least = max(LEAST_VOTES, of_object.sum() / 2, self.sizes.get(known, 0.0) / 2)
-            if len(still) >= least:
+            shown = np.median(np.isfinite(window.points[still, :, 0]).sum(axis=0))
+            is_most = len(still) >= max(LEAST_VOTES, of_object.sum() / 2)
+            if is_most and shown >= self.sizes[known] / 2:
                 found[known] = still
         return found
 
