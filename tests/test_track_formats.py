@@ -398,7 +398,7 @@ def test_layouts_of_arrays(points: Floats, tmp_path: Path, kind: str) -> None:
     np.testing.assert_allclose(datasets.read(path).tracks.points, points)
 
 
-def test_half_a_position_is_none(tmp_path: Path) -> None:
+def test_half_a_position_of_an_array_is_none(tmp_path: Path) -> None:
     values = np.random.default_rng(0).uniform(1, 300, (20, 4))
     values[3, 1] = np.nan
     np.save(tmp_path / "t.npy", values)
