@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import pytest
@@ -243,3 +244,13 @@ def test_a_variable_of_no_setting_is_named() -> None:
     ):
         from_environment(wrong)
     assert from_environment({"MSSEGMENT_DATA": "x", "_MSSEGMENT_COMPLETE": "y"}) == []
+
+
+def test_escaped_halves_of_a_character_are_joined(tmp_path: Path) -> None:
+    path = tmp_path / "c.yaml"
+    path.write_text(json.dumps({"input": {"tracks": "\U0001f600.csv"}}))
+    (tracks,) = from_file(str(path))
+    assert tracks.value == str(tmp_path / "\U0001f600.csv")
+    path.write_text('{"input": {"tracks": "a\\ud83d.csv"}}')
+    with pytest.raises(ConfigurationError, match="half a character"):
+        from_file(str(path))

@@ -398,7 +398,17 @@ def test_layouts_of_arrays(points: Floats, tmp_path: Path, kind: str) -> None:
     np.testing.assert_allclose(datasets.read(path).tracks.points, points)
 
 
-def test_half_a_position_of_an_array_is_none(tmp_path: Path) -> None:
+def test_times_in_nanoseconds_are_read_in_order(tmp_path: Path) -> None:
+    times = [1_733_061_600_000_000_000 + step for step in (0, 33_333_333, 66_666_667)]
+    lines = [f"{i},{t},{10 * i + k},{k}" for i in range(3) for k, t in enumerate(times)]
+    (tmp_path / "t.csv").write_text("\n".join(["track,frame,x,y", *reversed(lines)]))
+    found = pipeline.import_tracks(str(tmp_path / "t.csv"))
+    assert [frame.index for frame in found.frames] == [0, 1, 2]
+    np.testing.assert_array_equal(found.tracks.points[1], [[10, 0], [11, 1], [12, 2]])
+    assert any("holds times" in note for note in found.history[-1].notes)
+
+
+def test_half_a_position_in_rows_of_an_array_is_none(tmp_path: Path) -> None:
     values = np.random.default_rng(0).uniform(1, 300, (20, 4))
     values[3, 1] = np.nan
     np.save(tmp_path / "t.npy", values)

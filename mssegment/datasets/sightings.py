@@ -28,6 +28,8 @@ from mssegment.datasets.track_columns import (
 from mssegment.errors import DataError
 from mssegment.records import Floats, Integers
 
+DIGITS = 15
+"""Numbers of more digits are times, such as nanoseconds since 1970, and no numbers of frames."""
 _UNNAMED = ("track", "frame", "x", "y")
 
 
@@ -208,8 +210,9 @@ def _label_per_track(
 
 def _frame_numbers(names: list[str], column: str) -> tuple[list[int], tuple[str, ...]]:
     """The numbers of the frames; for times and names of files, their place in order."""
-    if all(name.lstrip("+").isdecimal() for name in names):
-        return [int(name) for name in names], ()
+    numbers = [name.lstrip("+") for name in names]
+    if all(number.isdecimal() and len(number) <= DIGITS for number in numbers):
+        return [int(number) for number in numbers], ()
     kind = "times" if all(np.isfinite(number_of(name)) for name in names) else "names"
     shown = f"{PurePath(names[0]).name} ... {PurePath(names[-1]).name}"
     return list(range(len(names))), (

@@ -1,4 +1,4 @@
-"""YAML whose aliases expand to more than it says: nine lines can be a billion values."""
+"""What PyYAML lets through: aliases that expand to a billion values, and halves of characters."""
 
 from __future__ import annotations
 
@@ -17,7 +17,9 @@ def check_text(text: str, where: str, error: type[MssegmentError]) -> None:
 
 
 def check_nodes(root: yaml.Node | None, where: str, error: type[MssegmentError]) -> None:
-    """Check how much a YAML document becomes.
+    """Check how much a YAML document becomes, and put its characters together.
+
+    JSON escapes a character beyond U+FFFF as two halves, which PyYAML takes as two characters.
 
     Parameters
     ----------
@@ -31,8 +33,8 @@ def check_nodes(root: yaml.Node | None, where: str, error: type[MssegmentError])
     Raises
     ------
     MssegmentError
-        ``error``, if an alias contains itself, or the document has more values than
-        ``limits.yaml_values`` after its aliases are expanded.
+        ``error``, if an alias contains itself, the document has more values than
+        ``limits.yaml_values`` after its aliases are expanded, or a text has half a character.
     """
     sizes: dict[int, int | None] = {}
     waiting = [] if root is None else [root]
@@ -46,10 +48,23 @@ def check_nodes(root: yaml.Node | None, where: str, error: type[MssegmentError])
                 raise error(f"{where}: an alias that contains itself; write the value out")
             continue
         waiting.pop()
+        if isinstance(node, yaml.ScalarNode):
+            node.value = _whole(node.value, where, error)
         if sizes[id(node)] is None:
             size = 1 + sum(sizes[id(child)] or 1 for child in children)
             limits.check("yaml_values", size, where, error)
             sizes[id(node)] = size
+
+
+def _whole(text: str, where: str, error: type[MssegmentError]) -> str:
+    """The text with the halves of characters joined."""
+    if text.isascii():
+        return text
+    try:
+        return text.encode("utf-16", "surrogatepass").decode("utf-16")
+    except UnicodeDecodeError:
+        shown = ascii(text[:40])
+        raise error(f"{where}: half a character in {shown}; write it in UTF-8") from None
 
 
 def _children(node: yaml.Node) -> list[yaml.Node]:
