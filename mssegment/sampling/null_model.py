@@ -43,17 +43,24 @@ RESOLUTION = 1e-9
 
 
 class NullModel(Record, frozen=True):
-    """Samples of both null hypotheses as a model observes them, each [M, F, d]."""
+    """Samples of both null hypotheses as a model observes them, each [M, F, d].
+
+    ``log_tests`` is the logarithm of the number of tests.
+    """
 
     model: MotionModel
     chimeras: Floats
     blurred: Floats
+    log_tests: float
 
     @classmethod
     def of(cls, model: MotionModel, observed: Floats, rng: np.random.Generator) -> NullModel:
         """Draw the samples for data [P, F, d], normalized."""
         return cls(
-            model, draw_chimeras(observed, SAMPLES, rng), draw_blurred(observed, SAMPLES, rng)
+            model,
+            draw_chimeras(observed, SAMPLES, rng),
+            draw_blurred(observed, SAMPLES, rng),
+            most_log_tests(len(observed), model.subset_size),
         )
 
     def radii(self, points: Floats) -> Floats:
@@ -98,7 +105,7 @@ class NullModel(Record, frozen=True):
         sizes = np.arange(1, count + 1)
         radii = self.radii(points)[:, None]
         log_share = math.log(NEAR_SHARE) + self.model.residual_dimension * np.log(ordered / radii)
-        log_nfa = _log_tests(count, m) + log_tail(sizes - m, max(count - m, 1), log_share)
+        log_nfa = self.log_tests + log_tail(sizes - m, max(count - m, 1), log_share)
         # further away the density of the null is not known
         log_nfa[ordered > radii] = np.inf
         # twice the elemental subset is the least that a selection accepts
@@ -109,7 +116,7 @@ class NullModel(Record, frozen=True):
 
 
 def log_nfa_in_clusters(
-    model: MotionModel,
+    null: NullModel,
     observed: Floats,
     points: Floats,
     inliers: Flags,
@@ -123,7 +130,7 @@ def log_nfa_in_clusters(
     """
     if not len(points):
         return np.zeros(0)
-    unit = Normalization(np.zeros(observed.shape[1:]), 1.0)
+    model, unit = null.model, Normalization(np.zeros(observed.shape[1:]), 1.0)
     samples = draw_blurred(observed, SAMPLES, rng, within=CLUSTER)
     residuals = model.residuals(points, observed, unit)
     limits = np.where(inliers, residuals, 0.0).max(axis=1, keepdims=True)
@@ -132,7 +139,7 @@ def log_nfa_in_clusters(
     count, m = len(observed), model.subset_size
     hits = inliers.sum(axis=1) - m
     tail = log_tail(hits, max(count - m, 1), log_share[None])[0]
-    return np.asarray(_log_tests(count, m) + tail)
+    return np.asarray(null.log_tests + tail)
 
 
 def draw_chimeras(observed: Floats, count: int, rng: np.random.Generator) -> Floats:
@@ -145,9 +152,9 @@ def draw_chimeras(observed: Floats, count: int, rng: np.random.Generator) -> Flo
     for _ in range(ROTATIONS):
         axes, _ = np.linalg.qr(rng.standard_normal((d, d)))
         turned = observed[:, 0] @ axes
-        chosen = rng.integers(size, size=(count // ROTATIONS, d))
+        chosen = rng.integers(size, size=(-(-count // ROTATIONS), d))
         parts.append(turned[chosen, np.arange(d)] @ axes.T)
-    return np.concatenate(parts)[:, None]
+    return np.concatenate(parts)[:count, None]
 
 
 def draw_blurred(
@@ -194,7 +201,7 @@ def _log(values: Floats) -> Floats:
     return np.asarray(np.log(np.where(values > 0, values, 1.0)))
 
 
-def _log_tests(count: int, m: int) -> float:
-    """Log of the number of tests: elemental subsets times numbers of inliers."""
+def most_log_tests(count: int, m: int) -> float:
+    """Log of a bound of the number of tests: elemental subsets times numbers of inliers."""
     subsets = math.lgamma(count + 1) - math.lgamma(m + 1) - math.lgamma(max(count - m, 0) + 1)
     return subsets + math.log(max(count - m, 1))

@@ -18,9 +18,14 @@ from mssegment.errors import DataError
 from mssegment.models import Flags, MotionModel
 from mssegment.neighbours import nearest_others
 from mssegment.progress import track
-from mssegment.records import Floats, HypothesisSet, Integers, Normalization, Record, State
+from mssegment.records import Floats, HypothesisSet, Integers, Normalization, Record, State, replace
 from mssegment.sampling.neighbourhoods import random_subset
-from mssegment.sampling.null_model import NullModel, log_nfa_in_clusters
+from mssegment.sampling.null_model import (
+    NullModel,
+    draw_blurred,
+    draw_chimeras,
+    log_nfa_in_clusters,
+)
 from mssegment.sampling.options import Sampling, SamplingOptions
 from mssegment.special import median
 
@@ -43,6 +48,8 @@ NOTHING_NEW = 3
 """Sampling ends after this many batches that hardly make the points more meaningful."""
 NEIGHBOURS = 12
 """Nearest points from which a local subset is drawn, if its model needs no more."""
+NULL_SETS = 4
+"""Sets of data of the null in which the number of tests is measured."""
 MAX_POINTS = 4000
 """Points that are sampled; of more, a random subset."""
 
@@ -54,6 +61,13 @@ class _Data(Record, frozen=True):
     observed: Floats
     neighbours: Integers
     null: NullModel
+
+    @classmethod
+    def of(cls, model: MotionModel, observed: Floats, rng: np.random.Generator) -> _Data:
+        """The neighbours and the null of data [P, F, d], normalized."""
+        count = len(observed)
+        near = nearest_others(observed.reshape(count, -1), _neighbours(model, count))
+        return cls(model, observed, near, NullModel.of(model, observed, rng))
 
 
 def sample_structures(
@@ -111,12 +125,8 @@ def sample_structures(
         )
     normalization = model.normalization(points[indices])
     observed = model.observe(points[indices], normalization)
-    data = _Data(
-        model,
-        observed,
-        nearest_others(observed.reshape(len(observed), -1), _neighbours(model, len(observed))),
-        NullModel.of(model, observed, rng),
-    )
+    data = _Data.of(model, observed, rng)
+    data = replace(data, null=replace(data.null, log_tests=measured_log_tests(data, options, rng)))
     subsets, found, drawn = _sample(data, options, rng)
     found, kept = finished(data.null, observed, found, rng)
     subsets, found = subsets[kept], found[kept]
@@ -129,6 +139,24 @@ def sample_structures(
         points=found,
         drawn=drawn,
     )
+
+
+def measured_log_tests(data: _Data, options: SamplingOptions, rng: np.random.Generator) -> float:
+    """The logarithm of the number of tests, from what a run finds in data of the null.
+
+    The bound that counts all elemental subsets is far too large, as most hypotheses are nearly the
+    same. With this number the best hypothesis of a run on data without structures has about one
+    false alarm: the median of ``NULL_SETS`` of them, each with one batch of subsets.
+    """
+    size, most = len(data.observed), data.null.log_tests
+    lowest = []
+    for draw in (draw_chimeras, draw_blurred) * (NULL_SETS // 2):
+        other = _Data.of(data.model, draw(data.observed, size, rng), rng)
+        chosen = _draw(other, options.sampling, np.ones(size, dtype=bool), rng)
+        points, regular = data.model.minimal_fit(other.observed[chosen])
+        _, _, log_nfa = optimized(other.null, other.observed, points[regular])
+        lowest.append(float(log_nfa.min(initial=most)) - most)
+    return min(most, math.log(MIN_DRAWS / SUBSETS_PER_BATCH) - median(np.array(lowest)))
 
 
 def _neighbours(model: MotionModel, count: int) -> int:
@@ -215,7 +243,7 @@ def finished(
     best = (inliers * evidence[:, None]).max(axis=0)
     usual = np.array([median(best[own]) if own.any() else np.inf for own in inliers])
     kept = evidence >= DOMINATED * usual
-    in_clusters = log_nfa_in_clusters(null.model, observed, points[kept], inliers[kept], rng)
+    in_clusters = log_nfa_in_clusters(null, observed, points[kept], inliers[kept], rng)
     kept[kept] = in_clusters < MAX_LOG_NFA
     return points, np.asarray(kept)
 

@@ -124,7 +124,7 @@ def measured_noise(observed_set: ObservedSet, null: NullModel, points: Floats) -
     residuals = model.residuals(points, observed, one)
     inliers, log_nfa = null.inliers(points, residuals)
     scales = _noise_scales(null, points, residuals, inliers)
-    weights = np.maximum(-log_nfa, 1e-9)
+    weights = np.maximum(null.log_tests - log_nfa, 1e-9)
     order = np.argsort(scales)
     total = np.cumsum(weights[order])
     return float(scales[order][np.searchsorted(total, 0.5 * total[-1])])
