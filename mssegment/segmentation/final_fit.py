@@ -33,7 +33,9 @@ class Fit(Record, frozen=True):
 def final_fit(problem: SelectionProblem, selected: SelectionResult) -> Fit:
     """Assign each track to one motion, refit the motions, and number the bodies by size."""
     owner = _owners(selected.motions, _residuals(problem, selected.motions))
-    refitted = _refit(problem, selected.motions, owner)
+    refitted = selected.motions
+    if not selected.refitted:
+        refitted = _refit(problem, selected.motions, owner)
     residuals = _residuals(problem, refitted)
     bodies = selected.bodies
     if bodies is None:

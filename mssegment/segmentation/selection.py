@@ -95,12 +95,14 @@ class Body(Record, frozen=True):
 class SelectionResult(Record, frozen=True):
     """The motions that a selection found, and notes for the user.
 
-    ``bodies`` says which of the motions are one; by default each is a body of its own.
+    ``bodies`` says which of the motions are one; by default each is a body of its own. Motions that
+    are ``refitted`` are most likely ones, which a fit to the tracks that they win would bias.
     """
 
     motions: tuple[SelectedMotion, ...]
     notes: tuple[str, ...] = ()
     bodies: tuple[Body, ...] | None = None
+    refitted: bool = False
 
 
 Selection = Callable[[SelectionProblem], SelectionResult]

@@ -36,6 +36,7 @@ from mssegment.segmentation.mdl.preparation import (
 )
 from mssegment.segmentation.mdl.rigid_motions import joined, may_join, with_numbers
 from mssegment.segmentation.mdl.search import improve, refitted, start
+from mssegment.segmentation.mdl.shared_fit import shared_fit, shared_labels
 from mssegment.segmentation.options import Granularity
 from mssegment.segmentation.selection import (
     SelectedMotion,
@@ -105,18 +106,18 @@ def _structures(problem: SelectionProblem, ingredients: Ingredients) -> Selectio
     normalized = without_unit(problem)
     best, description = shortest_description(sample_of(normalized), ingredients)
     if len(best):
+        best = shared_fit(description, best)
         best, description = on_all_points(normalized, best, description)
-    found = [
-        replace(
-            one,
-            scale=one.scale * problem.observed_sets[one.set_index].hypotheses.normalization.scale,
-        )
-        for one in selected_motions(best, description.labels(best), description)
-    ]
+    labels = shared_labels(description, best) if len(best) else description.labels(best)
+    found = []
+    for one in selected_motions(best, labels, description):
+        k = int(labels[one.inliers][0]) - 1
+        unit = problem.observed_sets[one.set_index].hypotheses.normalization.scale
+        found.append(replace(one, scale=unit * float(best.scales[k])))
     notes: tuple[str, ...] = ()
     if len(found) < description.min_motions:
         notes = (f"{description.min_motions} structures requested, {len(found)} found",)
-    return SelectionResult(tuple(found), notes)
+    return SelectionResult(tuple(found), notes, refitted=True)
 
 
 def shortest_description(
