@@ -15,6 +15,8 @@ from mssegment.meanshift.validation import (
     generator,
     numbers,
     numbers_like_fitted,
+    positive_number,
+    shown,
     thread_count,
 )
 from mssegment.models import MODELS, of_data
@@ -277,6 +279,15 @@ class MultiModel(Parameters):
             raise ConfigurationError(
                 f"model must be one of {', '.join(known)}, found {self.model!r}"
             )
+        kind = MODELS[self.model]
+        if kind.has_ranks and self.rank is None:
+            raise ConfigurationError(
+                f"model {self.model} needs rank, the dimension of its subspaces, found None"
+            )
+        if not kind.has_ranks and self.rank is not None:
+            raise ConfigurationError(
+                f"rank has no effect on model {self.model}: leave it out, found {shown(self.rank)}"
+            )
         for name, least in (("rank", 1), ("n_structures", 0)):
             value = getattr(self, name)
             if value is not None and not _is_whole(value, least):
@@ -288,12 +299,11 @@ class MultiModel(Parameters):
                 "n_hypotheses must be 'auto' or a whole number of at least 1, found "
                 f"{self.n_hypotheses!r}"
             )
-        if self.bandwidth != "auto":
-            value = self.bandwidth
-            if isinstance(value, (str, bool)) or not np.isreal(value) or not 0 < value < np.inf:
-                raise ConfigurationError(
-                    f"bandwidth must be 'auto' or a positive number, found {value!r}"
-                )
+        value = self.bandwidth
+        if not (isinstance(value, str) and value == "auto") and not positive_number(value):
+            raise ConfigurationError(
+                f"bandwidth must be 'auto' or a positive number, found {shown(value)}"
+            )
 
 
 def _is_whole(value: Any, least: int) -> bool:

@@ -199,3 +199,26 @@ def quantile(values: Floats, share: float) -> Floats:
     low, high = np.moveaxis(np.partition(values, [below, above])[..., [below, above]], -1, 0)
     part, gap = place - below, high - low
     return np.asarray(low + gap * part if part < 0.5 else high - gap * (1 - part))
+
+
+def binomial_log_tail(hits: Integers, trials: int, log_share: Floats) -> Floats:
+    """Chernoff's bound of the log probability of at least so many hits.
+
+    ``hits`` [P] of ``trials``, each with the probabilities exp(``log_share``), [B, P].
+
+    Examples
+    --------
+    >>> binomial_log_tail(np.array([5, 50]), 100, np.log([[0.05, 0.05]])).round(1).tolist()
+    [[0.0, -83.0]]
+    """
+    share = np.clip(hits / trials, 0.0, 1.0)
+    rest = 1.0 - share
+    log_share = np.minimum(log_share, -1e-12)
+    p = np.exp(log_share)
+    gain = share * (_log(share) - log_share) + rest * (_log(rest) - np.log1p(-p))
+    return np.asarray(np.where(share > p, -trials * gain, 0.0))
+
+
+def _log(values: Floats) -> Floats:
+    """Logarithms, 0 for 0."""
+    return np.asarray(np.log(np.where(values > 0, values, 1.0)))

@@ -154,9 +154,15 @@ def test_many_points_are_selected_on_a_sample() -> None:
     [
         ({"model": "affine"}, "model must be one of hyperplane"),
         ({"model": "circle"}, "found 'circle'"),
-        ({"model": "subspace"}, "rank is auto; expected the dimension"),
+        ({"model": "subspace"}, "needs rank, the dimension of its subspaces"),
+        ({"model": "line", "rank": 1}, "rank has no effect on model line"),
+        ({"bandwidth": None}, "found None"),
+        ({"random_state": -1}, "at least 0"),
         ({"model": "subspace", "rank": 3}, "from 1 to 2"),
-        ({"rank": 0}, "rank must be None or a whole number of at least 1, found 0"),
+        (
+            {"model": "subspace", "rank": 0},
+            "rank must be None or a whole number of at least 1, found 0",
+        ),
         ({"n_structures": -1}, "n_structures must be"),
         ({"n_hypotheses": "many"}, "n_hypotheses must be 'auto'"),
         ({"bandwidth": -1.0}, "bandwidth must be 'auto' or a positive number"),

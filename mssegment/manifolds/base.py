@@ -14,6 +14,7 @@ a closed form of the logarithm) overrides :meth:`Manifold.prepare`.
 
 from __future__ import annotations
 
+import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from functools import wraps
@@ -78,6 +79,8 @@ class Manifold(ABC):
     """Points are matrices of a group, and d(g x, g y) = d(x, y)."""
     basis_free: bool = False
     """x and x q are the same point for any orthogonal q."""
+    is_compact: bool = False
+    """Distances are bounded, and ``random_point`` is uniform."""
 
     def __init_subclass__(cls, **options: Any) -> None:
         super().__init_subclass__(**options)
@@ -109,6 +112,12 @@ class Manifold(ABC):
             f"the shape {shape} of the points does not say which manifold of the family "
             f"{cls.__name__} is meant: name one, for instance {cls.examples[0]}"
         )
+
+    @staticmethod
+    def as_square(shape: tuple[int, ...]) -> tuple[int, ...]:
+        """The shape of a square matrix of which all entries are in one row; others as they are."""
+        size = math.isqrt(shape[0]) if len(shape) == 1 else 0
+        return (size, size) if size > 1 and size * size == shape[0] else shape
 
     @staticmethod
     def expect_axes(family: str, shape: tuple[int, ...], axes: int) -> tuple[int, ...]:

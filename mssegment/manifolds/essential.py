@@ -42,6 +42,7 @@ class Essential(Manifold):
 
     examples = ("essential",)
     dist_is_geodesic = False
+    is_compact = True
 
     @classmethod
     def from_arguments(cls, arguments: tuple[str, ...]) -> Essential:
@@ -55,7 +56,7 @@ class Essential(Manifold):
     @classmethod
     def from_shape(cls, shape: tuple[int, ...]) -> Essential:
         """From ``(3, 3)``."""
-        cls.expect_axes("essential", shape, 2)
+        cls.expect_axes("essential", cls.as_square(shape), 2)
         return cls()
 
     @property

@@ -84,6 +84,7 @@ class Grassmann(Manifold):
         "grassmann(5,2,geodesic)",
     )
     basis_free = True
+    is_compact = True
 
     def __init__(self, n: int, k: int, metric: str = "chordal") -> None:
         if not 1 <= k < n:

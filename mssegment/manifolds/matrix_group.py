@@ -94,6 +94,7 @@ class MatrixGroup(Manifold):
     @classmethod
     def from_shape(cls, shape: tuple[int, ...]) -> MatrixGroup:
         """The group whose matrices have this shape."""
+        shape = cls.as_square(shape)
         if shape != (cls.size, cls.size):
             raise ConfigurationError(
                 f"points of {cls.family}({cls.order}) are {cls.size} x {cls.size} matrices, found "

@@ -60,6 +60,7 @@ class Product(Manifold):
         if not all(0 < w < np.inf for w in self.weights):
             raise ConfigurationError(f"weights of a product must be positive, found {self.weights}")
         self.is_metric = all(f.is_metric for f in self.factors)
+        self.is_compact = all(f.is_compact for f in self.factors)
         self.dist_is_geodesic = all(f.dist_is_geodesic for f in self.factors)
         self.exact_gradient = all(f.exact_gradient for f in self.factors)
         sizes = [int(np.prod(f.point_shape)) for f in self.factors]

@@ -52,6 +52,7 @@ class Rotations(MatrixGroup):
     family = "special_orthogonal"
     is_metric = True
     dist_is_geodesic = True
+    is_compact = True
 
     def __init__(self, n: int = 3) -> None:
         if n not in (2, 3):
@@ -70,7 +71,7 @@ class Rotations(MatrixGroup):
     @classmethod
     def from_shape(cls, shape: tuple[int, ...]) -> Rotations:
         """SO(n) for n x n matrices."""
-        return cls(cls.expect_axes(cls.family, shape, 2)[0])
+        return cls(cls.expect_axes(cls.family, cls.as_square(shape), 2)[0])
 
     @property
     def name(self) -> str:

@@ -70,7 +70,7 @@ class SPD(Manifold):
     @classmethod
     def from_shape(cls, shape: tuple[int, ...]) -> SPD:
         """The affine-invariant metric on matrices of this shape."""
-        return cls(cls.expect_axes("spd", shape, 2)[0])
+        return cls(cls.expect_axes("spd", cls.as_square(shape), 2)[0])
 
     @property
     def name(self) -> str:

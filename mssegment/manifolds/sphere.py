@@ -42,6 +42,7 @@ class Sphere(Manifold):
     """
 
     examples = ("sphere(1)", "sphere(2)", "sphere(5)")
+    is_compact = True
 
     def __init__(self, n: int) -> None:
         if n < 1:

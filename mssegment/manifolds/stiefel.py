@@ -54,6 +54,7 @@ class Stiefel(Manifold):
 
     examples = ("stiefel(3,1)", "stiefel(4,2)", "stiefel(6,3)")
     dist_is_geodesic = False
+    is_compact = True
 
     def __init__(self, n: int, k: int) -> None:
         if not 1 <= k < n:

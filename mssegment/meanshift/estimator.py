@@ -30,12 +30,16 @@ from mssegment.meanshift.kernels import Kernel, kernel_named
 from mssegment.meanshift.large import SAMPLE_SIZE
 from mssegment.meanshift.search import TRAJECTORY_TOLERANCE, ModeSearch, SearchResult
 from mssegment.meanshift.validation import (
+    LARGEST,
     InvalidPoints,
     Parameters,
     feature_names,
     generator,
     numbers,
     numbers_like_fitted,
+    positive_number,
+    real_numbers,
+    shown,
     thread_count,
 )
 from mssegment.records import Floats, Integers, replace
@@ -45,6 +49,8 @@ KNN_FRACTION = 0.1
 PRECISE_UP_TO = 1000
 """Up to so many points the trajectories are computed in double precision, in which labels do not
 depend on the unit or the order of the data; above, in single precision, which is twice as fast."""
+EXACT = 1e-12
+"""Points that violate their constraint by more are projected."""
 MERGE_WITHIN = 1.0
 """Modes nearer than this many bandwidths are one, as in scikit-learn."""
 
@@ -219,7 +225,7 @@ class MeanShift(Parameters):
             raise InvalidPoints("all sample weights are zero: at least one weight must be positive")
         rng = generator(self.random_state)
         used, own = points[counted], None if weights is None else weights[counted]
-        search, self.bandwidth_ = self._search(manifold, used, own, rng, counted)
+        search, self.bandwidth_ = self._search(manifold, used, own, rng, counted, len(points))
         with thread_pool(thread_count(self.n_jobs)) as pool:
             running = replace(search, pool=pool, on_step=self.callback)
             found = self._clusters(running, used, rng)
@@ -273,7 +279,7 @@ class MeanShift(Parameters):
             return self.manifold
         if not isinstance(self.manifold, str):
             raise ConfigurationError(
-                f"manifold must be a manifold or a name, found {self.manifold!r}"
+                f"manifold must be a manifold or a name, found {shown(self.manifold)}"
             )
         family = MANIFOLDS.get(self.manifold.strip())
         if family is None:
@@ -290,20 +296,22 @@ class MeanShift(Parameters):
             manifold.check_point(raw)
         except DataError as error:
             raise InvalidPoints(str(error)) from None
-        return raw
+        # of points in single precision, or of few digits, logarithms are not even near
+        exact = manifold.constraint_violation(raw) <= EXACT
+        return raw if bool(np.all(exact)) else manifold.project(raw)
 
     def _weights(self, sample_weight: Any, count: int) -> Floats | None:
         if sample_weight is None:
             return None
-        weights = np.asarray(sample_weight, dtype=np.float64)
+        weights = real_numbers(sample_weight, "sample_weight")
         if weights.ndim == 0:
             weights = np.full(count, float(weights))
         if weights.shape != (count,):
             raise InvalidPoints(
                 f"sample_weight must have the shape ({count},), found {weights.shape}"
             )
-        if not (np.isfinite(weights) & (weights >= 0)).all():
-            raise InvalidPoints("sample_weight must be finite and not negative")
+        if not ((weights <= LARGEST) & (weights >= 0)).all():
+            raise InvalidPoints(f"sample_weight must not be negative, nor above {LARGEST:g}")
         return None if (weights == 1.0).all() else weights
 
     def _search(
@@ -313,8 +321,9 @@ class MeanShift(Parameters):
         weights: Floats | None,
         rng: np.random.Generator,
         counted: Integers,
+        count: int,
     ) -> tuple[ModeSearch, float | Floats]:
-        """The search, and the bandwidth or bandwidths."""
+        """The search, and the bandwidth or bandwidths, for the ``counted`` of ``count`` points."""
         kernel = self.kernel if isinstance(self.kernel, Kernel) else kernel_named(self.kernel)
         bandwidth: float | Floats
         if isinstance(self.bandwidth, str) and self.bandwidth == "auto":
@@ -325,6 +334,11 @@ class MeanShift(Parameters):
             bandwidth = np.maximum(own, smallest if np.isfinite(smallest) else 1.0)
         else:
             bandwidth = np.asarray(self.bandwidth, dtype=np.float64)
+            if bandwidth.ndim and len(bandwidth) != count:
+                raise InvalidPoints(
+                    f"bandwidth must be one number, or one for each of {count} points, found "
+                    f"{len(bandwidth)}"
+                )
             bandwidth = bandwidth[counted] if bandwidth.ndim else float(bandwidth)
         common, point_weights = bandwidth, None
         if weights is not None or isinstance(bandwidth, np.ndarray):
@@ -350,6 +364,11 @@ class MeanShift(Parameters):
         prepared = search.prepare(points, precise=True)
         ascent = search.ascend(prepared, starts, TRAJECTORY_TOLERANCE)
         modes, densities, labels = search.refine(points, ascent.x)
+        if not (densities > 0).any():
+            raise InvalidPoints(
+                f"no seed is near a point: the density at all {len(starts)} of them is 0 with the "
+                f"bandwidth {search.bandwidth:.3g}"
+            )
         found = rank(SearchResult(modes, densities, labels, ascent), self.min_count, sampled=False)
         nearest = _nearest(search.manifold, points, found.modes, search.bandwidth)
         near = search.manifold.dist(points, found.modes[nearest]) <= search.bandwidth
@@ -405,24 +424,34 @@ class MeanShift(Parameters):
             if value is None and name == "sample_above":
                 continue
             if isinstance(value, bool) or not isinstance(value, (int, np.integer)):
-                raise ConfigurationError(f"{name} must be an integer, found {value!r}")
+                raise ConfigurationError(f"{name} must be an integer, found {shown(value)}")
             if value < smallest:
                 raise ConfigurationError(f"{name} must be at least {smallest}, found {value}")
-        if isinstance(self.bandwidth, str):
-            positive = self.bandwidth in ("auto", "knn")
-        else:
-            try:
-                own = np.asarray(self.bandwidth, dtype=np.float64)
-            except (TypeError, ValueError):
-                own = np.array(np.nan)
-            positive = own.ndim <= 1 and bool(((own > 0) & np.isfinite(own)).all())
-        if not positive:
+        if not _is_bandwidth(self.bandwidth):
             raise ConfigurationError(
                 "the bandwidth must be 'auto', 'knn', a positive number or one for each point, "
-                f"found {self.bandwidth!r}"
+                f"found {shown(self.bandwidth)}"
             )
         if not isinstance(self.kernel, (str, Kernel)):
-            raise ConfigurationError(f"kernel must be a name or a Kernel, found {self.kernel!r}")
+            raise ConfigurationError(
+                f"kernel must be a name or a Kernel, found {shown(self.kernel)}"
+            )
+        if not isinstance(self.cluster_all, (bool, np.bool_)):
+            raise ConfigurationError(
+                f"cluster_all must be True or False, found {shown(self.cluster_all)}"
+            )
+        if self.callback is not None and not callable(self.callback):
+            raise ConfigurationError(
+                f"callback must be None or a function, found {shown(self.callback)}"
+            )
+
+
+def _is_bandwidth(value: Any) -> bool:
+    if isinstance(value, str):
+        return value in ("auto", "knn")
+    if np.ndim(value) == 1:
+        return all(map(positive_number, list(value)))
+    return positive_number(value)
 
 
 def _nearest(manifold: Manifold, points: Floats, modes: Floats, unit: float) -> Integers:

@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from mssegment.blas import with_one_thread
-from mssegment.errors import DataError
+from mssegment.errors import ConfigurationError, DataError
 from mssegment.manifolds import Manifold, MatrixGroup
 from mssegment.meanshift.bandwidth import (
     AUTO_FRACTION,
@@ -22,7 +22,14 @@ from mssegment.meanshift.bandwidth import (
     widest_deviation,
 )
 from mssegment.meanshift.estimator import MeanShift
-from mssegment.meanshift.validation import InvalidPoints, generator, numbers
+from mssegment.meanshift.significance import is_meaningful
+from mssegment.meanshift.validation import (
+    InvalidPoints,
+    generator,
+    numbers,
+    positive_number,
+    shown,
+)
 from mssegment.records import Floats, Integers, Record
 from mssegment.special import chi_square_quantile, quantile
 
@@ -74,7 +81,8 @@ class Fusion(Record, frozen=True):
     manifold
         The manifold, with the length scale that was used.
     modes
-        The values, those with most support first.
+        The values, those with most support first; none where no measurements agree by more than
+        chance.
     labels
         The mode of each measurement [n], -1 for none.
     bandwidth
@@ -143,6 +151,7 @@ def fuse(
     >>> found.modes[0].support.tolist()
     [0, 1, 2, 3]
     """
+    _check_parameters(bandwidth, length_scale, min_share)
     raw = numbers(X)
     estimator = MeanShift(manifold, bandwidth, random_state=random_state, min_count=1)
     space = estimator._manifold_of(raw)
@@ -154,23 +163,30 @@ def fuse(
     elif isinstance(space, MatrixGroup):
         space = space.with_length_scale(float(length_scale))
     weights = estimator._weights(sample_weight, len(points))
-    if isinstance(bandwidth, str) and bandwidth == "auto":
+    if isinstance(bandwidth, str):
         rng = generator(random_state)
         bandwidth = auto_bandwidth(space, points, rng, weights, DENSEST)
     estimator.set_params(manifold=space, bandwidth=bandwidth)
     estimator.fit(points, sample_weight=sample_weight)
     every = np.ones(len(points)) if weights is None else weights
-    reached = np.bincount(estimator.labels_, weights=every, minlength=len(estimator.modes_))
-    found = [
-        refine(space, points, every, mode, float(density), float(np.min(estimator.bandwidth_)))
-        for mode, density, own in zip(estimator.modes_, estimator.densities_, reached, strict=True)
-        if own >= 0.5 * min_share * every.sum()
-    ]
-    modes = _distinct(found, min_share * float(every.sum()))
+    modes = _values(space, points, every, estimator, min_share)
     labels = np.full(len(points), -1, dtype=np.int64)
     for i, mode in reversed(list(enumerate(modes))):
         labels[mode.support] = i
-    return Fusion(space, modes, labels, float(np.min(estimator.bandwidth_)), corrected)
+    return Fusion(space, modes, labels, float(bandwidth), corrected)
+
+
+def _check_parameters(bandwidth: Any, length_scale: Any, min_share: Any) -> None:
+    for name, value in (("bandwidth", bandwidth), ("length_scale", length_scale)):
+        if not (isinstance(value, str) and value == "auto") and not positive_number(value):
+            raise ConfigurationError(
+                f"{name} must be 'auto' or a positive number, found {shown(value)}"
+            )
+    share = min_share if isinstance(min_share, (int, float, np.floating)) else -1.0
+    if isinstance(min_share, bool) or not 0.0 <= share < 1.0:
+        raise ConfigurationError(
+            f"min_share must be a number from 0 to below 1, found {shown(min_share)}"
+        )
 
 
 def project_measurements(manifold: Manifold, raw: Floats) -> tuple[Floats, float]:
@@ -220,6 +236,31 @@ def _spread(manifold: Manifold, points: Floats) -> float:
     return float(quantile(distances, DENSEST)) or float(distances.max(initial=0.0))
 
 
+def _values(
+    manifold: Manifold, points: Floats, weights: Floats, estimator: MeanShift, min_share: float
+) -> tuple[FusedMode, ...]:
+    """The modes that are values, refined; where there is none, the one that a wider start finds."""
+    h, total = float(np.min(estimator.bandwidth_)), float(weights.sum())
+    reached = np.bincount(estimator.labels_, weights=weights, minlength=len(estimator.modes_))
+    starts = [
+        (mode, float(density))
+        for mode, density, own in zip(estimator.modes_, estimator.densities_, reached, strict=True)
+        if own >= 0.5 * min_share * total
+    ]
+    found = [refine(manifold, points, weights, mode, density, h) for mode, density in starts]
+    modes = _distinct([mode for mode in found if mode is not None], min_share * total)
+    if modes:
+        return modes
+    densest, density = estimator.modes_[0], float(estimator.densities_[0])
+    farthest = np.nan_to_num(manifold.dist(np.broadcast_to(densest, points.shape), points)).max()
+    while h < farthest:
+        h *= 2.0
+        wider = refine(manifold, points, weights, densest, density, h)
+        if wider is not None:
+            return _distinct([wider], min_share * total)
+    return ()
+
+
 def refine(
     manifold: Manifold,
     points: Floats,
@@ -227,13 +268,14 @@ def refine(
     start: Floats,
     density: float,
     bandwidth: float,
-) -> FusedMode:
+) -> FusedMode | None:
     """The mean and covariance of the measurements near a mode, by expectation and maximization.
 
     The measurements are normal about the mean, and others lie about them with an even density: that
     of the shell which has the volume of the ellipsoid with ``SUPPORT`` of the normal ones, and
     surrounds it. The support is what is more likely normal. It starts from the widest round cluster
-    for which the bandwidth may be right, one that has all measurements.
+    for which the bandwidth may be right, one that has all measurements. None if the measurements
+    agree by chance (``significance``).
     """
     d = manifold.dim
     limit = chi_square_quantile(d, SUPPORT)
@@ -261,7 +303,12 @@ def refine(
         deviation = math.sqrt(float(own @ lengths) / total / d)
         if round_ and deviation == 0.0:
             break
-    support = np.flatnonzero((likely > 0.5) & (weights > 0))
+    near = (likely > 0.5) & (weights > 0)
+    support = np.flatnonzero(near)
+    radii, lengths = np.sqrt(squares), np.where(usable, np.sqrt(lengths), np.inf)
+    counts = weights if np.all(weights == np.round(weights)) else weights / weights.mean()
+    if not is_meaningful(manifold, mean, radii, lengths, near, counts):
+        return None
     return FusedMode(mean, density, support, float(weights[support].sum()), covariance)
 
 
@@ -296,6 +343,6 @@ def _distinct(found: list[FusedMode], smallest: float) -> tuple[FusedMode, ...]:
     for mode in sorted(found, key=lambda mode: -mode.density):
         own = set(mode.support.tolist())
         shared = max((len(own & set(other.support.tolist())) for other in kept), default=0)
-        if mode.weight >= smallest and len(own) and 2 * shared < len(own):
+        if mode.weight >= smallest and 2 * shared < len(own):
             kept.append(mode)
     return tuple(sorted(kept, key=lambda mode: -mode.weight))

@@ -9,6 +9,11 @@ import numpy as np
 from mssegment.errors import ConfigurationError, DataError
 from mssegment.records import Floats
 
+MAX_SHOWN = 60
+"""Characters of a value in a message."""
+LARGEST = 1e150
+"""The largest number: its square is finite. The smallest is the reciprocal."""
+
 
 class InvalidPoints(DataError, ValueError):
     """The points cannot be clustered; a ValueError, as scikit-learn expects."""
@@ -91,20 +96,25 @@ class NotFitted(ValueError, AttributeError):
     """The estimator has not been fitted."""
 
 
+class InvalidKind(InvalidPoints, TypeError):
+    """The points are no numbers at all; a TypeError, as scikit-learn expects."""
+
+
 def numbers(x: Any) -> Floats:
     """``x`` as an array of finite numbers with two axes or more.
 
     Raises
     ------
     InvalidPoints
-        For sparse matrices, complex numbers, one axis, no entries, NaN and infinity.
+        For sparse and masked arrays, what is no number, one axis, no entries, NaN and infinity, and
+        numbers of which squares overflow.
     """
     if hasattr(x, "toarray"):
         raise InvalidPoints("Sparse data was passed, but dense data is required: use .toarray()")
-    array = np.asarray(x)
-    if np.iscomplexobj(array):
-        raise InvalidPoints("Complex data not supported")
-    array = np.asarray(array, dtype=np.float64)
+    mask = getattr(x, "mask", None)  # a method of data frames
+    if isinstance(mask, (np.ndarray, np.bool_)) and np.any(mask):
+        raise InvalidPoints("masked values are not supported: leave out their points")
+    array = real_numbers(x)
     if array.ndim < 2:
         raise InvalidPoints(
             f"Expected 2D array, got {array.ndim}D array instead. Reshape your data using "
@@ -117,7 +127,30 @@ def numbers(x: Any) -> Floats:
     if not np.isfinite(array).all():
         bad = int(np.argmin(np.isfinite(array).reshape(len(array), -1).all(axis=1)))
         raise InvalidPoints(f"point {bad} contains NaN or infinity: it is not finite")
+    largest = float(np.abs(array).max(initial=0.0))
+    if largest > LARGEST or 0.0 < largest < 1.0 / LARGEST:
+        raise InvalidPoints(
+            f"the largest number is {largest:.3g}, and must be between {1.0 / LARGEST:g} and "
+            f"{LARGEST:g}, as squares are computed: choose another unit"
+        )
     return array
+
+
+def real_numbers(x: Any, what: str = "X") -> Floats:
+    """``x``, called ``what`` in messages, as an array of real numbers."""
+    try:
+        array = np.asarray(x)
+        if np.iscomplexobj(array):
+            raise InvalidPoints("Complex data not supported")
+        if array.dtype.kind not in "biufO":
+            raise InvalidPoints(f"{what} must be numbers, found the type {array.dtype}")
+        return np.asarray(array, dtype=np.float64)
+    except InvalidPoints:
+        raise
+    except TypeError as error:
+        raise InvalidKind(f"{what} must be an array of numbers: {error}") from None
+    except ValueError as error:
+        raise InvalidPoints(f"{what} must be an array of numbers: {error}") from None
 
 
 def feature_names(x: Any, known: Any = None, owner: str = "") -> Any:
@@ -163,12 +196,28 @@ def generator(random_state: Any) -> np.random.Generator:
         return random_state
     if isinstance(random_state, np.random.RandomState):
         return np.random.default_rng(random_state.randint(2**31))
-    if random_state is None or isinstance(random_state, (int, np.integer)):
-        return np.random.default_rng(0 if random_state is None else int(random_state))
+    seed = 0 if random_state is None else random_state
+    if isinstance(seed, (int, np.integer)) and seed >= 0:
+        return np.random.default_rng(int(seed))
     raise ConfigurationError(
-        "random_state must be None, an integer, a numpy.random.Generator or RandomState, found "
-        f"{random_state!r}"
+        "random_state must be None, an integer of at least 0, a numpy.random.Generator or "
+        "RandomState, found "
+        f"{shown(random_state)}"
     )
+
+
+def shown(value: Any) -> str:
+    """``value`` in one short line."""
+    text = " ".join(repr(value).split())
+    return text if len(text) <= MAX_SHOWN else text[:MAX_SHOWN] + " ..."
+
+
+def positive_number(value: Any) -> bool:
+    """Whether ``value`` is a positive number of which the square is one too."""
+    known = isinstance(value, (int, float, np.integer, np.floating, np.ndarray))
+    if not known or isinstance(value, bool) or np.ndim(value):
+        return False
+    return bool(1.0 / LARGEST <= value <= LARGEST)
 
 
 def thread_count(n_jobs: Any) -> int:

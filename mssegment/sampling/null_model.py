@@ -26,7 +26,8 @@ import numpy as np
 
 from mssegment.models import Flags, MotionModel
 from mssegment.neighbours import nearest
-from mssegment.records import Floats, Integers, Normalization, Record
+from mssegment.records import Floats, Normalization, Record
+from mssegment.special import binomial_log_tail
 
 SAMPLES = 1000
 """Number of chimeras, and of blurred points."""
@@ -36,8 +37,9 @@ the relative error is 10 %. Points further away are not called inliers."""
 ROTATIONS = 8
 """Random rotations of the axes, each for an eighth of the chimeras: along a single one, a structure
 may happen to lie across an axis."""
-CLUSTER = 0.1
-"""A cluster has at least this share of the points; smaller ones may look like structures."""
+CLUSTER, LEAST_IN_CLUSTER = 0.03, 12
+"""A cluster has at least this share of the points, and this number of them; smaller ones may look
+like structures."""
 RESOLUTION = 1e-9
 """Distances below this, over the extent of the data, are rounding errors."""
 
@@ -105,7 +107,7 @@ class NullModel(Record, frozen=True):
         sizes = np.arange(1, count + 1)
         radii = self.radii(points)[:, None]
         log_share = math.log(NEAR_SHARE) + self.model.residual_dimension * np.log(ordered / radii)
-        log_nfa = self.log_tests + log_tail(sizes - m, max(count - m, 1), log_share)
+        log_nfa = self.log_tests + binomial_log_tail(sizes - m, max(count - m, 1), log_share)
         # further away the density of the null is not known
         log_nfa[ordered > radii] = np.inf
         # twice the elemental subset is the least that a selection accepts
@@ -131,14 +133,14 @@ def log_nfa_in_clusters(
     if not len(points):
         return np.zeros(0)
     model, unit = null.model, Normalization(np.zeros(observed.shape[1:]), 1.0)
-    samples = draw_blurred(observed, SAMPLES, rng, within=CLUSTER)
+    samples = draw_in_clusters(observed, SAMPLES, rng)
     residuals = model.residuals(points, observed, unit)
     limits = np.where(inliers, residuals, 0.0).max(axis=1, keepdims=True)
     near = (model.residuals(points, samples, unit) <= limits).sum(axis=1)
     log_share = np.log((near + 1.0) / (SAMPLES + 1.0))
     count, m = len(observed), model.subset_size
     hits = inliers.sum(axis=1) - m
-    tail = log_tail(hits, max(count - m, 1), log_share[None])[0]
+    tail = binomial_log_tail(hits, max(count - m, 1), log_share[None])[0]
     return np.asarray(null.log_tests + tail)
 
 
@@ -157,48 +159,38 @@ def draw_chimeras(observed: Floats, count: int, rng: np.random.Generator) -> Flo
     return np.concatenate(parts)[:count, None]
 
 
-def draw_blurred(
-    observed: Floats, count: int, rng: np.random.Generator, within: float = 1.0
-) -> Floats:
+def draw_blurred(observed: Floats, count: int, rng: np.random.Generator) -> Floats:
     """Draw ``count`` points of the kernel density of data [P, F, d], with a round kernel.
 
     The bandwidth is Silverman's, P^(-1 / (n + 4)) standard deviations for n = F d. Normalized data
-    have the median distance 1 from their median, so that the standard deviation is d^(-1/2). It is
-    no larger than that of a ball about the point with the share ``within`` of the data.
+    have the median distance 1 from their median, so that the standard deviation is d^(-1/2).
     """
-    size, frames, d = observed.shape
+    chosen = rng.integers(len(observed), size=count)
+    return _moved(observed[chosen], np.full(count, _silverman(observed)), rng)
+
+
+def draw_in_clusters(observed: Floats, count: int, rng: np.random.Generator) -> Floats:
+    """Draw ``count`` points of data [P, F, d] that are moved about within their clusters.
+
+    As ``draw_blurred``, but by no more than the standard deviation of a ball about the point with
+    as many of the data as the smallest cluster.
+    """
+    size = len(observed)
+    flat = observed.reshape(size, -1)
     chosen = rng.integers(size, size=count)
-    bandwidth = np.full(count, size ** (-1.0 / (frames * d + 4.0)) / math.sqrt(d))
-    if within < 1.0:
-        flat = observed.reshape(size, -1)
-        neighbour = min(max(round(within * size), 1), size - 1)
-        reach = nearest(flat, flat[chosen], neighbour + 1)[0][:, -1]
-        bandwidth = np.minimum(bandwidth, reach / math.sqrt(frames * d + 2.0))
-    moved = bandwidth[:, None, None] * rng.standard_normal((count, frames, d))
-    return np.asarray(observed[chosen] + moved)
+    neighbour = min(max(round(CLUSTER * size), LEAST_IN_CLUSTER), size - 1)
+    reach = nearest(flat, flat[chosen], neighbour + 1)[0][:, -1]
+    bandwidth = np.minimum(_silverman(observed), reach / math.sqrt(flat.shape[1] + 2.0))
+    return _moved(observed[chosen], bandwidth, rng)
 
 
-def log_tail(hits: Integers, trials: int, log_share: Floats) -> Floats:
-    """Chernoff's bound of the log probability of at least so many hits.
-
-    ``hits`` [P] of ``trials``, each with the probabilities exp(``log_share``), [B, P].
-
-    Examples
-    --------
-    >>> log_tail(np.array([5, 50]), 100, np.log([[0.05, 0.05]])).round(1).tolist()
-    [[0.0, -83.0]]
-    """
-    share = np.clip(hits / trials, 0.0, 1.0)
-    rest = 1.0 - share
-    log_share = np.minimum(log_share, -1e-12)
-    p = np.exp(log_share)
-    gain = share * (_log(share) - log_share) + rest * (_log(rest) - np.log1p(-p))
-    return np.asarray(np.where(share > p, -trials * gain, 0.0))
+def _silverman(observed: Floats) -> float:
+    size, frames, d = observed.shape
+    return float(size ** (-1.0 / (frames * d + 4.0)) / math.sqrt(d))
 
 
-def _log(values: Floats) -> Floats:
-    """Logarithms, 0 for 0."""
-    return np.asarray(np.log(np.where(values > 0, values, 1.0)))
+def _moved(points: Floats, bandwidth: Floats, rng: np.random.Generator) -> Floats:
+    return np.asarray(points + bandwidth[:, None, None] * rng.standard_normal(points.shape))
 
 
 def most_log_tests(count: int, m: int) -> float:

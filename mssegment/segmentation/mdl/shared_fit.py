@@ -59,9 +59,7 @@ def memberships(description: Description, current: Candidates) -> Floats:
     for _ in range(ROUNDS):
         free = np.maximum(1.0 - members.sum(axis=0), 0.0)
         others = [
-            _density(
-                _model(description, current, k), current.residuals[k], current.scales[k], free
-            )
+            _density(_model(description, current, k), current.residuals[k], current.scales[k], free)
             for k in range(len(current))
         ]
         share = members.mean(axis=1)
@@ -106,4 +104,4 @@ def _density(model: MotionModel, residuals: Floats, scale: float, free: Floats) 
 
 def _ball(c: int, radius: float) -> float:
     """The volume of a ball."""
-    return math.pi ** (0.5 * c) / math.gamma(0.5 * c + 1.0) * radius**c
+    return float(math.pi ** (0.5 * c) / math.gamma(0.5 * c + 1.0) * radius**c)
