@@ -10,8 +10,9 @@ import numpy as np
 import pytest
 import scipy.stats
 
+from mssegment import MultiModel
 from mssegment.errors import ConfigurationError, DataError
-from mssegment.manifolds import Euclidean, Rotations, Sphere, from_name
+from mssegment.manifolds import MANIFOLDS, Euclidean, Rotations, Sphere, from_name
 from mssegment.meanshift import ConvergenceWarning, Kernel, MeanShift, auto_bandwidth
 from mssegment.meanshift.kernels import Gaussian
 
@@ -83,6 +84,11 @@ def test_parameters_are_stored_untouched():
         ("n_jobs", 0),
         ("n_jobs", "two"),
         ("random_state", "seed"),
+        ("random_state", -1),
+        ("bandwidth", True),
+        ("bandwidth", 1e300),
+        ("cluster_all", "yes"),
+        ("callback", 3),
         ("kernel", "sharp"),
         ("kernel", 3),
         ("manifold", "moon"),
@@ -152,7 +158,9 @@ def test_a_weight_moves_the_mode():
     assert found.cluster_centers_[0, 0] < 0.3
 
 
-@pytest.mark.parametrize("weights", [[1.0], [[1.0, 1.0]], [-1.0, 1.0], [np.nan, 1.0], [0.0, 0.0]])
+@pytest.mark.parametrize(
+    "weights", [[1.0], [[1.0, 1.0]], [-1.0, 1.0], [np.nan, 1.0], [0.0, 0.0], "ab", [1e300, 1.0]]
+)
 def test_wrong_weights_are_refused(weights):
     with pytest.raises(DataError, match="weight"):
         MeanShift().fit(np.eye(2), sample_weight=weights)
@@ -291,3 +299,57 @@ def test_auto_bandwidth_tells_clusters_in_any_dimension(name):
         for seed in range(6)
     ]
     assert sum(np.count_nonzero(count > 3) == 3 for count in counts) >= 5
+
+
+MASKED = np.ma.masked_array(np.eye(3), mask=np.eye(3) > 0)
+
+
+@pytest.mark.parametrize(
+    ("points", "message"),
+    [
+        (MASKED, "masked values"),
+        (np.array([["2020-01-01", "2021-01-01"]], dtype="M8[D]"), "must be numbers"),
+        ([["1", "2"]], "must be numbers"),
+        ([[1.0, 2.0], [3.0]], "must be an array of numbers"),
+        ([[{}, 1.0]], "must be an array of numbers"),
+        (1e300 * np.eye(3), "choose another unit"),
+        (1e-200 * np.eye(3), "choose another unit"),
+    ],
+)
+@pytest.mark.parametrize("estimator", [MeanShift(), MultiModel("line")])
+def test_what_is_no_number_is_refused(estimator, points, message):
+    with pytest.raises(DataError, match=message):
+        estimator.fit(points)
+
+
+def test_data_frames_are_no_masked_arrays(rng):
+    pandas = pytest.importorskip("pandas")
+    frame = pandas.DataFrame(rng.standard_normal((20, 2)), columns=["a", "b"])
+    assert MeanShift().fit(frame).feature_names_in_.tolist() == ["a", "b"]
+
+
+@pytest.mark.parametrize("name", ["stiefel(4,2)", "so3", "sphere(3)", "grassmann(5,2)"])
+def test_points_in_single_precision_are_projected(name, rng):
+    """On Stiefel manifolds, logarithms of points that are 1e-7 off gave three times the modes."""
+    manifold = from_name(name)
+    points = manifold.random_point(rng, 30).astype(np.float32)
+    found, exact = (MeanShift(manifold).fit(x) for x in (points, manifold.project(points)))
+    np.testing.assert_array_equal(found.labels_, exact.labels_)
+
+
+@pytest.mark.parametrize("name", ["essential", "special_orthogonal", "se2", "se3", "spd", "affine"])
+def test_families_of_square_matrices_may_be_rows(name, rng):
+    member = from_name(MANIFOLDS[name].examples[0] if name in MANIFOLDS else name)
+    points = member.random_point(rng, 12)
+    rows = MeanShift(name).fit(points.reshape(12, -1))
+    np.testing.assert_array_equal(rows.labels_, MeanShift(name).fit(points).labels_)
+
+
+def test_seeds_far_from_all_points_are_refused():
+    with pytest.raises(DataError, match="no seed is near a point"):
+        MeanShift(bandwidth=0.1, seeds=[[1e3, 1e3]]).fit(np.eye(2))
+
+
+def test_as_many_bandwidths_as_points():
+    with pytest.raises(DataError, match="one for each of 3 points, found 2"):
+        MeanShift(bandwidth=[1.0, 2.0]).fit(np.eye(3))

@@ -9,7 +9,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from mssegment.cli import invoke
-from mssegment.errors import DataError
+from mssegment.errors import ConfigurationError, DataError
 from mssegment.manifolds import Euclidean, Sphere, from_name
 from mssegment.meanshift import fuse
 
@@ -234,3 +234,48 @@ def test_two_values_of_different_precision(rng):
     for mode, value, deviation in zip(modes, (0.0, 1.5), (0.05, 0.25), strict=True):
         np.testing.assert_allclose(mode.point, value, atol=4.0 * deviation / 10.0)
         np.testing.assert_allclose(np.sqrt(np.diag(mode.covariance)), deviation, rtol=0.4)
+
+
+@pytest.mark.parametrize("name", ["so3", "sphere(2)", "grassmann(3,1)", "so2"])
+@pytest.mark.parametrize("count", [60, 200])
+def test_where_no_measurements_agree_there_is_no_value(name, count, rng):
+    """Uniform all over a compact manifold; the mean of all of them would say nothing."""
+    points = from_name(name).random_point(rng, count)
+    assert fuse(points, name).modes == ()
+
+
+def test_chance_makes_no_second_value(rng):
+    """A value that half of the measurements have, and others about it: no clump of them is one."""
+    for _ in range(5):
+        good = 0.05 * rng.standard_normal((50, 2))
+        found = fuse(np.concatenate([good, rng.uniform(-4.0, 4.0, (50, 2))]), "euclidean")
+        assert len(found.modes) == 1
+        assert np.linalg.norm(found.modes[0].point) < 0.05
+
+
+@pytest.mark.parametrize("count", [1, 2, 8, 20])
+def test_few_measurements_without_others_are_one_value(count, rng):
+    for _ in range(5):
+        found = fuse(rng.normal(5.0, 0.1, (count, 1)), "euclidean")
+        assert len(found.modes) == 1
+        assert 2 * len(found.modes[0].support) > count
+        assert abs(found.modes[0].point[0] - 5.0) < 0.3
+
+
+@pytest.mark.parametrize(
+    "parameters",
+    [
+        {"bandwidth": "knn"},
+        {"bandwidth": 0.0},
+        {"length_scale": -1.0},
+        {"length_scale": None},
+        {"min_share": "much"},
+        {"min_share": 1.0},
+        {"random_state": -1},
+    ],
+)
+def test_wrong_parameters_are_named(parameters):
+    name = next(iter(parameters))
+    with pytest.raises(ConfigurationError, match=f"{name} must be") as error:
+        fuse(np.eye(2), "euclidean", **parameters)
+    assert "\n" not in str(error.value)

@@ -173,6 +173,13 @@ def test_distance_is_geodesic_where_and_only_where_it_claims_to_be(manifold, rng
     assert (manifold.dist(x, y) <= manifold.norm(x, log) + 1e-9).all()
 
 
+def test_distances_are_bounded_where_and_only_where_it_is_compact(manifold, rng):
+    x = manifold.random_point(rng, 40)
+    widest = manifold.dist(x, manifold.random_point(rng, 40)).max()
+    away = manifold.dist(x, manifold.exp(x, 2.0 * widest * manifold.random_tangent(x, rng)))
+    assert manifold.is_compact == bool((away < 1.5 * widest).all())
+
+
 def test_basis_does_not_matter(manifold, rng):
     if len(manifold.point_shape) != 2:
         pytest.skip("points are not matrices")
