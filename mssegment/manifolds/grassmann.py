@@ -12,20 +12,15 @@ from mssegment.errors import ConfigurationError
 from mssegment.manifolds.base import Manifold, parse_integers
 from mssegment.manifolds.matrices import halvings_to
 from mssegment.manifolds.prepared import (
-    CACHE_NUMBERS,
-    MIN_BLOCK_ROWS,
     Array,
-    KernelBlock,
     LogPreparedPoints,
-    Precision,
     PreparedPoints,
     precision,
 )
+from mssegment.manifolds.projectors import ProjectorPoints, normal_part
 from mssegment.manifolds.sphere import UnitVectorPoints
-from mssegment.records import Floats, Integers
+from mssegment.records import Floats
 
-EMBED_ROWS = 4096
-"""Points that are embedded at a time, to bound the memory."""
 _TINY = 1e-300
 METRICS = ("chordal", "geodesic")
 MAX_SERIES = 4.0
@@ -157,7 +152,7 @@ class Grassmann(Manifold):
         Where a principal angle is pi/2 the shortest geodesic is not unique, and one is returned.
         """
         q, cosines, r = np.linalg.svd(_t(y) @ x)
-        normal = _normal_part(x, y) @ q
+        normal = normal_part(x, y) @ q
         sines = np.linalg.norm(normal, axis=-2)
         angles = np.arctan2(sines, cosines)
         factors = np.where(sines > 1e-12, angles / np.maximum(sines, _TINY), 1.0)
@@ -187,7 +182,7 @@ class Grassmann(Manifold):
         [0.0, 1.571]
         """
         cosines = np.linalg.svd(_t(y) @ x, compute_uv=False)
-        sines = np.linalg.svd(_normal_part(x, y), compute_uv=False)[..., ::-1]
+        sines = np.linalg.svd(normal_part(x, y), compute_uv=False)[..., ::-1]
         return np.asarray(np.arctan2(sines, cosines))
 
     def inner(self, x: Floats, u: Floats, v: Floats) -> Floats:
@@ -200,7 +195,7 @@ class Grassmann(Manifold):
         """
         if self.dist_is_geodesic:
             return np.asarray(np.linalg.norm(self.principal_angles(x, y), axis=-1))
-        return np.asarray(np.linalg.norm(_normal_part(x, y), axis=(-2, -1)))
+        return np.asarray(np.linalg.norm(normal_part(x, y), axis=(-2, -1)))
 
     def neg_half_grad_sq_dist(self, x: Floats, y: Floats) -> Floats:
         """(I - xx') y y' x, that is -1/2 grad d^2.
@@ -210,7 +205,7 @@ class Grassmann(Manifold):
         """
         if self.dist_is_geodesic:
             return self.log(x, y)
-        return _normal_part(x, y @ (_t(y) @ x))
+        return normal_part(x, y @ (_t(y) @ x))
 
     def project(self, x: Floats) -> Floats:
         """An orthonormal basis of the column space of ``x``, the one nearest to ``x``."""
@@ -223,7 +218,7 @@ class Grassmann(Manifold):
 
         Of the Jacobian of a function at ``x`` this is the gradient (11).
         """
-        return _normal_part(x, v)
+        return normal_part(x, v)
 
     def random_point(self, rng: np.random.Generator, size: int) -> Floats:
         """Uniformly distributed subspaces [size, N, k]."""
@@ -242,75 +237,7 @@ class Grassmann(Manifold):
             return UnitVectorPoints(self, y, bandwidth, dtype, antipodal=True)
         if dtype is None or self.dist_is_geodesic:
             return LogPreparedPoints(self, y, bandwidth)
-        return _ProjectorPoints(self, y, bandwidth, dtype)
-
-
-@lru_cache(maxsize=16)
-def _triangle(n: int) -> tuple[Integers, Integers, Integers]:
-    """Indices for symmetric n x n matrices.
-
-    The upper triangle in the flat matrix, the diagonal in the triangle, and the entries of the flat
-    matrix in the triangle.
-    """
-    above = np.triu_indices(n)
-    place = np.empty((n, n), dtype=np.intp)
-    place[above] = place[above[::-1]] = np.arange(len(above[0]))
-    return above[0] * n + above[1], np.diag(place), place.ravel()
-
-
-class _ProjectorPoints(PreparedPoints):
-    """Every point as the upper triangle of yy'.
-
-    tr(x'yy'x) is a dot product of two triangles, entries off the diagonal counted twice: all
-    distances of a block are one matrix product, and the sums of (14) are a second one. The first
-    one includes the bandwidth and the k of (12), which is the trace.
-    """
-
-    def __init__(self, manifold: Grassmann, y: Floats, bandwidth: float, dtype: Precision) -> None:
-        self.manifold, self.size, self.bandwidth = manifold, len(y), bandwidth
-        self.block_rows = max(MIN_BLOCK_ROWS, CACHE_NUMBERS // max(1, self.size))
-        self.dtype, self.n, self.k = dtype, manifold.n, manifold.k
-        self.upper, diagonal, self.place = _triangle(manifold.n)
-        self.projectors = self.embed(y)
-        columns = np.multiply(self.projectors.T, -2.0 / bandwidth**2, order="C")
-        columns[diagonal] = 0.5 * columns[diagonal] + 1.0 / bandwidth**2
-        self.columns = columns
-
-    def embed(self, x: Floats) -> Array:
-        """The upper triangle of xx', [m, N (N + 1) / 2]."""
-        if len(x) <= EMBED_ROWS:
-            return self._embed_block(x)
-        out = np.empty((len(x), len(self.upper)), dtype=self.dtype)
-        for start in range(0, len(x), EMBED_ROWS):
-            out[start : start + EMBED_ROWS] = self._embed_block(x[start : start + EMBED_ROWS])
-        return out
-
-    def _embed_block(self, x: Floats) -> Array:
-        # the copy of the transpose makes NumPy call gemm: syrk is slower for small matrices
-        x = x.astype(self.dtype, copy=False)
-        square = (x @ _t(x).copy()).reshape(len(x), self.n**2)
-        embedded: Array = square.take(self.upper, axis=1)
-        return embedded
-
-    def unfold(self, flat: Array) -> Floats:
-        """The symmetric matrices [m, N, N] whose embedding ``flat`` is."""
-        square = flat.astype(np.float64).take(self.place, axis=1)
-        return square.reshape(len(flat), self.n, self.n)
-
-    def block(self, x: Floats) -> KernelBlock:
-        return _ProjectorBlock(self, x)
-
-
-class _ProjectorBlock(KernelBlock):
-    def __init__(self, prepared: _ProjectorPoints, x: Floats) -> None:
-        self._prepared, self._x = prepared, x
-        self.scaled_sq_dist = prepared.embed(x) @ prepared.columns
-
-    def weighted_sum(self, weights: Array) -> tuple[Floats, Floats]:
-        prepared = self._prepared
-        sums = prepared.unfold(weights.astype(prepared.dtype, copy=False) @ prepared.projectors)
-        total = np.einsum("mii->m", sums) / prepared.k  # tr yy' = k
-        return _normal_part(self._x, sums @ self._x), total
+        return ProjectorPoints(self, y, bandwidth, dtype)
 
 
 def _t(x: Array) -> Array:
@@ -325,11 +252,6 @@ def _identity(k: int) -> Floats:
 def _gram(v: Floats) -> Floats:
     """v'v; the copy makes NumPy call gemm: syrk is slower for small matrices."""
     return np.asarray(_t(v).copy() @ v)
-
-
-def _normal_part(x: Floats, v: Floats) -> Floats:
-    """(I - xx') v, the part of ``v`` orthogonal to the subspace ``x``."""
-    return np.asarray(v - x @ (_t(x) @ v))
 
 
 def _orthonormal(x: Floats) -> Floats:

@@ -28,6 +28,7 @@ from mssegment.meanshift.clusters import (
 from mssegment.meanshift.density import PointWeights
 from mssegment.meanshift.kernels import Kernel, kernel_named
 from mssegment.meanshift.large import SAMPLE_SIZE
+from mssegment.meanshift.parameters import check_parameters
 from mssegment.meanshift.search import TRAJECTORY_TOLERANCE, ModeSearch, SearchResult
 from mssegment.meanshift.validation import (
     LARGEST,
@@ -37,7 +38,6 @@ from mssegment.meanshift.validation import (
     generator,
     numbers,
     numbers_like_fitted,
-    positive_number,
     real_numbers,
     shown,
     thread_count,
@@ -212,7 +212,7 @@ class MeanShift(Parameters):
         ConfigurationError
             For a parameter that is no such thing, or an unknown name.
         """
-        self._check_parameters()
+        check_parameters(self)
         names = feature_names(X)
         raw = numbers(X)
         manifold = self._manifold_of(raw)
@@ -416,42 +416,6 @@ class MeanShift(Parameters):
                 ConvergenceWarning,
                 stacklevel=3,
             )
-
-    def _check_parameters(self) -> None:
-        """Raise a ConfigurationError for the first parameter that is no such thing."""
-        for name, smallest in (("min_count", 1), ("max_iter", 1), ("sample_above", SAMPLE_SIZE)):
-            value = getattr(self, name)
-            if value is None and name == "sample_above":
-                continue
-            if isinstance(value, bool) or not isinstance(value, (int, np.integer)):
-                raise ConfigurationError(f"{name} must be an integer, found {shown(value)}")
-            if value < smallest:
-                raise ConfigurationError(f"{name} must be at least {smallest}, found {value}")
-        if not _is_bandwidth(self.bandwidth):
-            raise ConfigurationError(
-                "the bandwidth must be 'auto', 'knn', a positive number or one for each point, "
-                f"found {shown(self.bandwidth)}"
-            )
-        if not isinstance(self.kernel, (str, Kernel)):
-            raise ConfigurationError(
-                f"kernel must be a name or a Kernel, found {shown(self.kernel)}"
-            )
-        if not isinstance(self.cluster_all, (bool, np.bool_)):
-            raise ConfigurationError(
-                f"cluster_all must be True or False, found {shown(self.cluster_all)}"
-            )
-        if self.callback is not None and not callable(self.callback):
-            raise ConfigurationError(
-                f"callback must be None or a function, found {shown(self.callback)}"
-            )
-
-
-def _is_bandwidth(value: Any) -> bool:
-    if isinstance(value, str):
-        return value in ("auto", "knn")
-    if np.ndim(value) == 1:
-        return all(map(positive_number, list(value)))
-    return positive_number(value)
 
 
 def _nearest(manifold: Manifold, points: Floats, modes: Floats, unit: float) -> Integers:
