@@ -42,6 +42,8 @@ DOMINATED = 0.5
 MIN_DRAWS, MAX_DRAWS = 4000, 20000
 """Bounds of an automatic number of subsets: at 1 s a few thousand of them. Below the upper one,
 sampling goes on while it finds something new."""
+SPARSE_DRAWS = 12000
+"""The least number where some structure was found, but few hypotheses: others may be as rare."""
 MIN_HYPOTHESES = 300
 """So many meaningful hypotheses are enough, if the last batch found nothing new."""
 NOTHING_NEW = 3
@@ -189,7 +191,10 @@ def _sample(
         if (
             automatic
             and unchanged
-            and (kept >= MIN_HYPOTHESES or (drawn >= MIN_DRAWS and unchanged >= NOTHING_NEW))
+            and (
+                kept >= MIN_HYPOTHESES
+                or (drawn >= (SPARSE_DRAWS if kept else MIN_DRAWS) and unchanged >= NOTHING_NEW)
+            )
         ):
             break
         if not automatic and kept >= target:
