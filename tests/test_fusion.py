@@ -270,7 +270,7 @@ def test_few_measurements_without_others_are_one_value(count, rng):
         {"length_scale": -1.0},
         {"length_scale": None},
         {"min_share": "much"},
-        {"min_share": 1.0},
+        {"min_share": 1.5},
         {"random_state": -1},
     ],
 )
@@ -279,3 +279,12 @@ def test_wrong_parameters_are_named(parameters):
     with pytest.raises(ConfigurationError, match=f"{name} must be") as error:
         fuse(np.eye(2), "euclidean", **parameters)
     assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize("form", ["text", "json", "csv"])
+def test_no_value_is_said(form, tmp_path, rng, capsys):
+    points = from_name("so3").random_point(rng, 80)
+    np.savetxt(tmp_path / "turns.csv", points.reshape(80, 9), delimiter=",")
+    words = ["fuse", str(tmp_path / "turns.csv"), "--manifold", "so3", "--format", form]
+    assert invoke(words) == 0
+    assert "no measurements agree by more than chance" in capsys.readouterr().err

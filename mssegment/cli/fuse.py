@@ -101,7 +101,8 @@ def command(
         f"{len(found.points)} measurements, {len(fusion.modes)} modes, {supported} in support"
     )
     console.stage("fuse", sentence, time.perf_counter() - start)
-    for note in (found.assumed, _correction(fusion.corrected)):
+    chance = "" if fusion.modes else "no measurements agree by more than chance"
+    for note in (found.assumed, _correction(fusion.corrected), chance):
         if note:
             console.note(note)
 

@@ -183,9 +183,9 @@ def _check_parameters(bandwidth: Any, length_scale: Any, min_share: Any) -> None
                 f"{name} must be 'auto' or a positive number, found {shown(value)}"
             )
     share = min_share if isinstance(min_share, (int, float, np.floating)) else -1.0
-    if isinstance(min_share, bool) or not 0.0 <= share < 1.0:
+    if isinstance(min_share, bool) or not 0.0 <= share <= 1.0:
         raise ConfigurationError(
-            f"min_share must be a number from 0 to below 1, found {shown(min_share)}"
+            f"min_share must be a number from 0 to 1, found {shown(min_share)}"
         )
 
 
