@@ -221,6 +221,23 @@ def test_the_error_is_that_of_the_inliers_whatever_the_outliers(name, count, out
     assert np.mean(own) < 1.5 * np.mean(best)
 
 
+@pytest.mark.parametrize("name", ["euclidean(3)", "so3", "se3"])
+@pytest.mark.parametrize("count", [3, 4, 5, 6, 8])
+def test_a_few_measurements_without_outliers_agree(name, count):
+    manifold, shares = from_name(name), []
+    for seed in range(20):
+        rng = np.random.default_rng([seed, count])
+        true = np.broadcast_to(manifold.random_point(rng, 1), (count, *manifold.point_shape))
+        tangents = rng.normal(0, 0.02, (count, manifold.dim)) @ manifold.tangent_basis(
+            true[0]
+        ).reshape(manifold.dim, -1)
+        points = manifold.exp(true, tangents.reshape(true.shape))
+        found = fuse(points, manifold, random_state=0)
+        shares.append(len(found.modes[0].support) / count if found.modes else 0.0)
+    assert np.count_nonzero(shares) >= 18
+    assert np.mean(shares) > 0.8
+
+
 def test_two_values_of_different_precision(rng):
     points = np.concatenate(
         [

@@ -134,5 +134,6 @@ def _sine_factor(square: Floats) -> Floats:
     """(a - sin a) / a^3 at ``square`` = a^2."""
     series = 1 / 6 - square * (1 / 120 - square * (1 / 5040 - square / 362880))
     a = np.sqrt(square)
-    exact = np.divide(a - np.sin(a), a * square, out=np.ones_like(a), where=square > 0)
-    return np.where(square < SMALL_ANGLE**2, series, exact)
+    small = square < SMALL_ANGLE**2
+    exact = np.divide(a - np.sin(a), a * square, out=np.ones_like(a), where=~small)
+    return np.where(small, series, exact)

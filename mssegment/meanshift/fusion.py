@@ -253,7 +253,8 @@ def _values(
         return modes
     densest, density = estimator.modes_[0], float(estimator.densities_[0])
     farthest = np.nan_to_num(manifold.dist(np.broadcast_to(densest, points.shape), points)).max()
-    while h < farthest:
+    # until the start has all measurements, however narrow their density is
+    while widest_deviation(h, manifold.dim, total) < farthest:
         h *= 2.0
         wider = refine(manifold, points, weights, densest, density, h)
         if wider is not None:
@@ -281,7 +282,7 @@ def refine(
     limit = chi_square_quantile(d, SUPPORT)
     deviation = widest_deviation(bandwidth, d, float(weights.sum()))
     mean, covariance, round_ = start, np.zeros((d, d)), True
-    likely = np.zeros(len(points))
+    likely, unit = np.zeros(len(points)), float(weights[weights > 0].mean())
     for _ in range(MAX_ROUNDS):
         tangents = manifold.log(np.broadcast_to(mean, points.shape), points)
         usable = np.isfinite(tangents).reshape(len(points), -1).all(axis=1)
@@ -297,10 +298,14 @@ def refine(
             break
         step = own @ vectors / total
         mean = manifold.exp(mean, np.tensordot(own, tangents, axes=1) / total)
+        # unbiased, since it is about their own mean; otherwise the few shut each other out
+        count = total / unit
+        unbiased = count / (count - 1.0) if count >= 2.0 else 1.0
         covariance = (vectors * own[:, None]).T @ vectors / total - np.outer(step, step)
+        covariance *= unbiased
         # so few measurements lie on an ellipsoid without volume
         round_ = bool(np.count_nonzero(likely > 0.5) <= d)
-        deviation = math.sqrt(float(own @ lengths) / total / d)
+        deviation = math.sqrt(unbiased * float(own @ lengths) / total / d)
         if round_ and deviation == 0.0:
             break
     near = (likely > 0.5) & (weights > 0)
