@@ -398,6 +398,13 @@ def test_layouts_of_arrays(points: Floats, tmp_path: Path, kind: str) -> None:
     np.testing.assert_allclose(datasets.read(path).tracks.points, points)
 
 
+def test_vectors_are_bounded_before_they_are_text(tmp_path: Path) -> None:
+    long = np.zeros(3_000_000, np.uint8)
+    np.savez_compressed(tmp_path / "t.npz", x1=long, y1=long, x2=long, y2=long)
+    with pytest.raises(DataError, match="4 vectors of 3000000 values"):
+        datasets.read(tmp_path / "t.npz")
+
+
 def test_times_in_nanoseconds_are_read_in_order(tmp_path: Path) -> None:
     times = [1_733_061_600_000_000_000 + step for step in (0, 33_333_333, 66_666_667)]
     lines = [f"{i},{t},{10 * i + k},{k}" for i in range(3) for k, t in enumerate(times)]

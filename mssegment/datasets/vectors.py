@@ -12,11 +12,17 @@ from mssegment.datasets.containers import InputFile, Variables
 from mssegment.datasets.json_tables import columns_of
 from mssegment.datasets.tables import Table
 from mssegment.errors import DataError
+from mssegment.inputs import limits
+
+RECOGNISED_ROWS = 1000
+"""Rows from which the columns are recognised."""
+BYTES_OF_CELL = 20
+"""Of the text of a number."""
 
 
 def recognises(content: Variables) -> bool:
     """Whether vectors or records have the names of the columns of a table of tracks."""
-    table = _table(content, "")
+    table = _table(content, "", RECOGNISED_ROWS)
     return table is not None and (matches.recognises(table) or sightings.recognises(table))
 
 
@@ -30,15 +36,23 @@ def read(file: InputFile) -> ImportedTracks:
     return sightings.read_sightings(table, file)
 
 
-def _table(content: Variables, name: str) -> Table | None:
+def _table(content: Variables, name: str, most: int | None = None) -> Table | None:
+    """The vectors of one length as the text of a table, or its first rows, at ``most`` so many.
+
+    Raises DataError if the text is longer than ``limits.text_bytes``.
+    """
     listed = {} if _has_arrays(content) else columns_of(content)
     if listed:
         columns = {key: [_cell(value) for value in cells] for key, cells in listed.items()}
     else:
-        columns = {key: _cells(value) for key, value in content.items() if _is_vector(value)}
-        lengths = [len(cells) for cells in columns.values()]
+        vectors = {key: value for key, value in content.items() if _is_vector(value)}
+        lengths = [_size(value) for value in vectors.values()]
         usual = max(set(lengths), key=lengths.count, default=0)
-        columns = {key: cells for key, cells in columns.items() if len(cells) == usual > 1}
+        vectors = {key: value for key, value in vectors.items() if _size(value) == usual > 1}
+        if most is None:
+            text = BYTES_OF_CELL * usual * len(vectors)
+            limits.check("text_bytes", text, f"{name}: {len(vectors)} vectors of {usual} values")
+        columns = {key: _cells(value, most) for key, value in vectors.items()}
     if not columns:
         return None
     lower = {key.lower(): cells for key, cells in columns.items()}
@@ -60,8 +74,13 @@ def _long(shape: tuple[int, ...]) -> bool:
     return len([n for n in shape if n != 1]) <= 1 and bool(shape)
 
 
-def _cells(value: Any) -> list[str]:
-    return [_cell(part) for part in (value if isinstance(value, list) else value.ravel().tolist())]
+def _size(value: Any) -> int:
+    return len(value) if isinstance(value, list) else int(value.size)
+
+
+def _cells(value: Any, most: int | None) -> list[str]:
+    parts = value[:most] if isinstance(value, list) else value.ravel()[:most].tolist()
+    return [_cell(part) for part in parts]
 
 
 def _cell(value: Any) -> str:
