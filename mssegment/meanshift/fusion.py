@@ -163,13 +163,13 @@ def fuse(
     elif isinstance(space, MatrixGroup):
         space = space.with_length_scale(float(length_scale))
     weights = estimator._weights(sample_weight, len(points))
+    rng = generator(random_state)
     if isinstance(bandwidth, str):
-        rng = generator(random_state)
         bandwidth = auto_bandwidth(space, points, rng, weights, DENSEST)
     estimator.set_params(manifold=space, bandwidth=bandwidth)
     estimator.fit(points, sample_weight=sample_weight)
     every = np.ones(len(points)) if weights is None else weights
-    modes = _values(space, points, every, estimator, min_share)
+    modes = _values(space, points, every, estimator, min_share, rng)
     labels = np.full(len(points), -1, dtype=np.int64)
     for i, mode in reversed(list(enumerate(modes))):
         labels[mode.support] = i
@@ -237,7 +237,12 @@ def _spread(manifold: Manifold, points: Floats) -> float:
 
 
 def _values(
-    manifold: Manifold, points: Floats, weights: Floats, estimator: MeanShift, min_share: float
+    manifold: Manifold,
+    points: Floats,
+    weights: Floats,
+    estimator: MeanShift,
+    min_share: float,
+    rng: np.random.Generator,
 ) -> tuple[FusedMode, ...]:
     """The modes that are values, refined; where there is none, the one that a wider start finds."""
     h, total = float(np.min(estimator.bandwidth_)), float(weights.sum())
@@ -247,7 +252,7 @@ def _values(
         for mode, density, own in zip(estimator.modes_, estimator.densities_, reached, strict=True)
         if own >= 0.5 * min_share * total
     ]
-    found = [refine(manifold, points, weights, mode, density, h) for mode, density in starts]
+    found = [refine(manifold, points, weights, mode, density, h, rng) for mode, density in starts]
     modes = _distinct([mode for mode in found if mode is not None], min_share * total)
     if modes:
         return modes
@@ -256,7 +261,7 @@ def _values(
     # until the start has all measurements, however narrow their density is
     while widest_deviation(h, manifold.dim, total) < farthest:
         h *= 2.0
-        wider = refine(manifold, points, weights, densest, density, h)
+        wider = refine(manifold, points, weights, densest, density, h, rng)
         if wider is not None:
             return _distinct([wider], min_share * total)
     return ()
@@ -269,6 +274,7 @@ def refine(
     start: Floats,
     density: float,
     bandwidth: float,
+    rng: np.random.Generator,
 ) -> FusedMode | None:
     """The mean and covariance of the measurements near a mode, by expectation and maximization.
 
@@ -312,7 +318,7 @@ def refine(
     support = np.flatnonzero(near)
     radii, lengths = np.sqrt(squares), np.where(usable, np.sqrt(lengths), np.inf)
     counts = weights if np.all(weights == np.round(weights)) else weights / weights.mean()
-    if not is_meaningful(manifold, mean, radii, lengths, near, counts):
+    if not is_meaningful(manifold, mean, radii, lengths, near, counts, rng):
         return None
     return FusedMode(mean, density, support, float(weights[support].sum()), covariance)
 

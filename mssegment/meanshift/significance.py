@@ -39,6 +39,7 @@ def is_meaningful(
     lengths: Floats,
     support: Mask,
     weights: Floats,
+    rng: np.random.Generator,
 ) -> bool:
     """Whether a mode is a value.
 
@@ -56,11 +57,13 @@ def is_meaningful(
         Whether each is of the support [n].
     weights
         How often each counts [n].
+    rng
+        Draws the points that tell how far a compact manifold extends.
     """
     if not support.any():
         return False
     reach = float(lengths[support].max())
-    farthest = _farthest(manifold, mean) if manifold.is_compact else math.inf
+    farthest = _farthest(manifold, mean, rng) if manifold.is_compact else math.inf
     if 2.0 * weights[support].sum() > weights.sum() and 2.0 * reach <= farthest:
         return True
     if not manifold.is_compact:
@@ -73,9 +76,9 @@ def is_meaningful(
     return math.log(len(shapes)) + min(found) < MAX_LOG_NFA
 
 
-def _farthest(manifold: Manifold, mean: Floats) -> float:
+def _farthest(manifold: Manifold, mean: Floats, rng: np.random.Generator) -> float:
     """The distance of points of a compact manifold that are far from ``mean``."""
-    others = manifold.random_point(np.random.default_rng(0), RANDOM_POINTS)
+    others = manifold.random_point(rng, RANDOM_POINTS)
     away = manifold.norm(mean, manifold.log(np.broadcast_to(mean, others.shape), others))
     return float(away[np.isfinite(away)].max(initial=0.0))
 
