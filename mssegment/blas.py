@@ -45,17 +45,25 @@ def _function(handle: ctypes.CDLL, name: str) -> Any:
     raise OSError(f"no {name}")
 
 
-def _loaded() -> dict[str, _Library]:
-    """The OpenBLAS libraries in the wheels of NumPy and SciPy that are loaded, by their path."""
-    found: dict[str, _Library] = {}
+@functools.cache
+def _paths() -> tuple[str, ...]:
+    """The OpenBLAS libraries in the wheels of NumPy and SciPy, loaded or not."""
     site = Path(np.__file__).parents[1]
-    for folder in ("numpy.libs", "scipy.libs", "numpy/.dylibs", "scipy/.dylibs"):
-        for path in sorted((site / folder).glob("*openblas*")):
-            try:
-                handle = ctypes.CDLL(str(path), mode=getattr(os, "RTLD_NOLOAD", 0))
-                found[str(path)] = _Library(handle)
-            except OSError:  # not loaded, or another library
-                continue
+    folders = ("numpy.libs", "scipy.libs", "numpy/.dylibs", "scipy/.dylibs")
+    return tuple(
+        str(path) for folder in folders for path in sorted((site / folder).glob("*openblas*"))
+    )
+
+
+def _loaded() -> dict[str, _Library]:
+    """Those of ``_paths`` that are loaded by now."""
+    found: dict[str, _Library] = {}
+    for path in _paths():
+        try:
+            handle = ctypes.CDLL(path, mode=getattr(os, "RTLD_NOLOAD", 0))
+            found[path] = _Library(handle)
+        except OSError:  # not loaded, or another library
+            continue
     return found
 
 
