@@ -214,7 +214,8 @@ class ModeSearch(Record, frozen=True):
         ascent = self.ascend(prepared, points, TRAJECTORY_TOLERANCE, prune, self.record)
         ends, end_of_point = np.unique(ascent.final_leader(), return_inverse=True)
         isolated = (ascent.density[ends] * len(points) < 1.0 + ISOLATED) & ascent.converged[ends]
-        if self.point_weights is not None:
+        # alone in a compact kernel, but a mode may still be nearer than modes are kept apart
+        if self.point_weights is not None or self.kernel.compact:
             isolated[:] = False
         single, shared = ends[isolated], ends[~isolated]
         kept, first = merge(self.manifold, ascent.x[shared], ascent.density[shared], within)
