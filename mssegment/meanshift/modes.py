@@ -7,13 +7,17 @@ import numpy as np
 from mssegment.manifolds import Manifold
 from mssegment.records import Floats, Integers
 
+TIE_DECIMALS = 6
+"""Densities that agree to so many decimals of the largest are equal: modes are only so exact, and
+otherwise rounding errors would choose which of two symmetric modes stays."""
+
 
 def merge(
     manifold: Manifold, x: Floats, density: Floats, within: float
 ) -> tuple[Integers, Integers]:
     """Merge points that are near each other, keeping the densest.
 
-    In order of decreasing density, a point is merged into the densest kept point that is nearer
+    In order of decreasing density, equal ones in their own order, a point is merged into the densest kept point that is nearer
     than ``within``, and kept where there is none.
 
     Parameters
@@ -43,7 +47,8 @@ def merge(
     >>> kept.tolist(), assignment.tolist()
     ([1, 2], [0, 0, 1])
     """
-    order = np.argsort(-density, kind="stable")
+    relative = density / max(float(density.max(initial=0.0)), np.finfo(np.float64).tiny)
+    order = np.argsort(-np.round(relative, TIE_DECIMALS), kind="stable")
     ordered = x[order]
     target = np.arange(len(x))
     prepared = manifold.prepare(ordered, within, cutoff=1.0)
