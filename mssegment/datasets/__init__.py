@@ -98,9 +98,11 @@ def read_content(content: bytes, name: str) -> ImportedTracks:
 def _recognise(file: InputFile) -> DataSet:
     if not file.content.strip():
         raise DataError(f"{file.name}: empty; expected tracks, such as a table {EXPECTED}")
+    # HDF5 may hold a table of pandas
+    kind = "table" if isinstance(file.variables, Table) else file.container
     entry: DataSet
     for entry in DATASETS.values():
-        if file.container in entry.containers and entry.recognises(file.variables):
+        if kind in entry.containers and entry.recognises(file.variables):
             return entry
     raise DataError(f"{file.name}: {_looks_like(file.variables)}")
 
@@ -114,11 +116,6 @@ def _looks_like(content: Variables) -> str:
                 f"names them: {EXPECTED}"
             )
         return f"a table with the columns {_listed(list(content))}; expected {EXPECTED}"
-    if "_i_table" in content:
-        return (
-            "a table of pandas (HDFStore), which is not read; read it with pandas.read_hdf and "
-            "write it with to_csv"
-        )
     if isinstance(content.get("people"), list):
         return (
             "key points of one picture (OpenPose), in which nobody has an identity; track them "

@@ -170,8 +170,15 @@ def _numpy(file: InputFile) -> Variables:
 
 def _hdf5(file: InputFile) -> Variables:
     from mssegment.datasets.hdf5 import load_hdf5
+    from mssegment.datasets.hdfstore import frames_of, read_frames
 
     found = load_hdf5(file.content, file.name)
+    try:
+        frames = frames_of(found)
+    except DataError as error:
+        raise DataError(f"{file.name}: {error}") from None
+    if frames:
+        return read_frames(frames, file)
     groups = [own for own in found.values() if isinstance(own, dict)]
     # what is in the only group is read as if it stood at the top
     return {**groups[0], **found} if len(groups) == 1 == len(found) else found

@@ -63,5 +63,5 @@ def read(file: InputFile) -> ImportedTracks:
 
 
 DEEPLABCUT = DataSet(
-    "deeplabcut", "DeepLabCut CSV (body parts as tracks)", ("table",), recognises, read
+    "deeplabcut", "DeepLabCut, CSV or HDF5 (body parts as tracks)", ("table",), recognises, read
 )

@@ -12,11 +12,15 @@ where a node is one of
     {"cells": [node, ...], "shape": [...]}             an array of nodes
     {"fields": {name: node}}                           a struct or a group
     {"other": text}                                    anything else: its type
+
+A table that pandas keeps in HDF5 is the struct of its columns, and beside each block of columns
+stand their names.
 """
 
 from __future__ import annotations
 
 import io
+import pickle
 import sys
 from typing import Any
 
@@ -84,10 +88,37 @@ def _hdf5(content: bytes, largest: int) -> Any:
         left -= node.size * node.dtype.itemsize if node.size else 0
         if left < 0:
             raise MemoryError
-        return _node(np.asarray(node[()]))
+        array = np.asarray(node[()])
+        if node.dtype.names and node.parent.attrs.get("pandas_type") == b"frame_table":
+            return _pandas_table(array, node.attrs)
+        return _node(array)
 
     with h5py.File(io.BytesIO(content), "r") as file:
         return value(file, 0)
+
+
+def _pandas_table(rows: Any, attributes: Any) -> Any:
+    fields = {name: _node(rows[name]) for name in rows.dtype.names}
+    for name in rows.dtype.names:
+        names = _column_names(attributes.get(f"{name}_kind"))
+        if names is not None:
+            fields[f"{name}_items"] = _node(np.array(names))
+    return {"fields": fields}
+
+
+def _column_names(stored: Any) -> list[str] | None:
+    """The names of the columns of a block, which PyTables pickles; several levels by tabs."""
+    if not isinstance(stored, bytes) or not stored.startswith(b"(l"):
+        return None  # the type of the index
+    names = _PlainUnpickler(io.BytesIO(stored)).load()
+    return ["\t".join(map(str, name)) if isinstance(name, tuple) else str(name) for name in names]
+
+
+class _PlainUnpickler(pickle.Unpickler):
+    """Lists, tuples, texts and numbers only: other pickles may run any code."""
+
+    def find_class(self, module: str, name: str) -> Any:
+        raise pickle.UnpicklingError(f"a name of a column is a {module}.{name}, and no text")
 
 
 def _node(value: Any, level: int = 0) -> Any:

@@ -17,8 +17,8 @@ def merge(
 ) -> tuple[Integers, Integers]:
     """Merge points that are near each other, keeping the densest.
 
-    In order of decreasing density, equal ones in their own order, a point is merged into the densest kept point that is nearer
-    than ``within``, and kept where there is none.
+    In order of decreasing density, equal ones in their own order, a point is merged into the
+    densest kept point that is nearer than ``within``, and kept where there is none.
 
     Parameters
     ----------
