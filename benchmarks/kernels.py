@@ -73,13 +73,17 @@ def agreement(first: Labelled, second: Labelled) -> float:
     """The share of tracks with the same label, by the best matching of the motions.
 
     Pictures are matched by the kernel too, so a track is compared with the nearest one of the other
-    kernel; where none is near, there is nothing to compare.
+    kernel; where none is near, there is nothing to compare. Tracks that were given are the same
+    ones, of which several may begin at one place.
     """
     a, b = np.asarray(first), np.asarray(second)
-    gaps, place = nearest(b[:, :2], a[:, :2])
-    near = gaps[:, 0] <= NEAR
-    own = np.asarray(a[near, 2], dtype=np.int64)
-    other = np.asarray(b[place[near, 0], 2], dtype=np.int64)
+    if np.array_equal(a[:, :2], b[:, :2]):
+        pairs = a[:, 2], b[:, 2]
+    else:
+        gaps, place = nearest(b[:, :2], a[:, :2])
+        near = gaps[:, 0] <= NEAR
+        pairs = a[near, 2], b[place[near, 0], 2]
+    own, other = (labels.astype(np.int64) for labels in pairs)
     matching = match_labels(own, other)
     renamed = [matching.get(label, -9) if label > 0 else label for label in own.tolist()]
     return float((np.array(renamed) == other).mean())
