@@ -112,6 +112,24 @@ def test_the_folder_of_results_is_complete(affine_run: Path) -> None:
     assert {"hypotheses", "kde"} <= set(report["modes"][0])
 
 
+def test_a_folder_of_results_stands_for_its_documents(
+    affine_run: Path, tmp_path: Path, call: Call
+) -> None:
+    again = str(tmp_path / "again.json")
+    assert call("cluster", str(affine_run), "-o", again).status == 0
+    assert Path(again).read_bytes() == (affine_run / "segmentation.json").read_bytes()
+    assert call("report", str(affine_run), "--json").out == call("report", again, "--json").out
+
+
+def test_drawings_of_an_earlier_run_are_no_pictures(
+    affine_run: Path, tmp_path: Path, call: Call
+) -> None:
+    ran = call("run", str(affine_run), "--out", str(tmp_path / "out"))
+    assert ran.status == ExitStatus.DATA
+    assert "the results of a run" in ran.err
+    assert "tracks.json" in ran.err
+
+
 def test_no_document_names_a_time_or_the_output_folder(affine_run: Path) -> None:
     for path in affine_run.glob("*.json"):
         if path.name != "timings.json":

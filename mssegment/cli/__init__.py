@@ -61,7 +61,7 @@ def _instead_of(name: str) -> str:
         return f"did you mean {near[0]}?"
     if os.path.lexists(name):
         return f"to segment a file or folder: `mssegment run {name}`"
-    return "`mssegment --help` lists all commands."
+    return f"the commands are {', '.join(COMMANDS)}"
 
 
 class LazyGroup(click.Group):

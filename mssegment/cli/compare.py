@@ -41,8 +41,9 @@ def command(
 ) -> None:
     """Compare several segmentations, for example of different seeds, settings or models.
 
-    Reads two or more segmentation documents and writes a table. For documents with the same tracks
-    it includes the percentage of tracks that differ from the first document.
+    Reads two or more segmentation documents, or folders of results, and writes a table. For
+    documents with the same tracks it includes the percentage of tracks that differ from the first
+    document.
     """
     if len(segmentations) < 2:
         raise UsageError(f"found {len(segmentations)} segmentation documents; expected two or more")

@@ -60,9 +60,9 @@ def command(
 ) -> None:
     """Report a segmentation: the tables of the paper, annotated pictures, an HTML report.
 
-    Reads a segmentation document. With ground-truth labels (a CSV of points, mask images, or the
-    labels of imported tracks) the report includes the confusion matrix, the misclassification, and
-    the residual errors (23) and (24) of the paper.
+    Reads a segmentation document, or the one in a folder of results. With ground-truth labels (a
+    CSV of points, mask images, or the labels of imported tracks) the report includes the confusion
+    matrix, the misclassification, and the residual errors (23) and (24) of the paper.
     """
     configuration = resolve(settings)
     if out is None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from typing import TypeVar
 
 import msgspec
@@ -107,8 +108,12 @@ def decode(content: bytes, kind: type[AnyDocument], name: str = "document") -> A
 def read_document(path: str, kind: type[AnyDocument]) -> AnyDocument:
     """Read a document from a file, or from standard input if ``path`` is ``-``.
 
-    Raises DataError if it cannot be read, or for the reasons that ``decode`` lists.
+    Of a folder of results, which has a document of each stage, it is the one of this kind. Raises
+    DataError if it cannot be read, or for the reasons that ``decode`` lists.
     """
+    inside = os.path.join(path, f"{kind.kind}.json")
+    if path != STANDARD and os.path.isfile(inside):
+        path = inside
     return decode(read_bytes(path), kind, "standard input" if path == STANDARD else path)
 
 

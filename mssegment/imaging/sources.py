@@ -17,6 +17,8 @@ _PRINTF = re.compile(r"%(0?)(\d*)d")
 _RAW = frozenset((".dng", ".cr2", ".cr3", ".nef", ".arw", ".orf", ".rw2", ".raf", ".pef", ".srw"))
 """Suffixes of raw files; a decoder of TIFF would find a small preview in some."""
 _HEIC = frozenset((".heic", ".heif", ".hif"))
+_RESULTS = ("tracks.json", "segmentation.json", "report.json")
+"""Files that stand together only in a folder of results."""
 _LABELS = re.compile(r"(?:^|[^a-z])(masks?|labels?|annotations?|gt|seg|segmentations?)(?:[^a-z]|$)")
 """Words in the names of pictures that hold labels, not frames."""
 
@@ -121,7 +123,15 @@ def _instead(folder: str) -> str:
 
 
 def _folder(given: str) -> tuple[list[str], tuple[str, ...]]:
-    """The pictures in a folder; those named as labels are left out where there are others."""
+    """The pictures in a folder; those named as labels are left out where there are others.
+
+    Raises DataError where there are none, or they are drawings among the results of a run.
+    """
+    if all(os.path.isfile(os.path.join(given, name)) for name in _RESULTS):
+        raise DataError(
+            f"{given}: the results of a run, whose pictures are drawings; name the pictures that "
+            f"are meant, or the tracks: {os.path.join(given, 'tracks.json')}"
+        )
     names = [
         name
         for name in os.listdir(given)
