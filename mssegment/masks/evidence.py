@@ -28,8 +28,9 @@ T_PEAK = 0.3675
 """Density of a Student t distribution of 3 degrees of freedom and scale 1 at 0."""
 GREY_VALUES = 256.0
 OCCLUDED_SHARE = 0.75
-"""Cost of a pixel of the static world that nothing explains, relative to that of an object's: the
-world is what is covered and uncovered."""
+"""Cost of a pixel of the static world that nothing explains, relative to that of an object's, where
+there are frames on one side only: the world is what is covered and uncovered. Between frames on
+both sides it is seen in one of them, and unexplained is rather what bends, such as legs."""
 NEAREST_TRACK = 0.3
 """Weight of the logarithm of the distance to the nearest track of a motion."""
 TRACK_RADIUS = 3.0
@@ -84,16 +85,20 @@ def photometric_costs(scene: Scene, frame: int) -> Costs:
     side covers, the other shows.
     """
     count = len(scene.pictures)
-    sides = []
-    for step in (-1, 1):
-        others = [frame + step * gap for gap in GAPS if 0 <= frame + step * gap < count]
-        if others:
-            sides.append(np.mean([_pair_costs(scene, frame, other) for other in others], axis=0))
-    return np.asarray(np.min(sides, axis=0), dtype=np.float32)
+    sides = [
+        [frame + step * gap for gap in GAPS if 0 <= frame + step * gap < count] for step in (-1, 1)
+    ]
+    share = 1.0 if all(sides) else OCCLUDED_SHARE
+    costs = [
+        np.mean([_pair_costs(scene, frame, other, share) for other in others], axis=0)
+        for others in sides
+        if others
+    ]
+    return np.asarray(np.min(costs, axis=0), dtype=np.float32)
 
 
-def _pair_costs(scene: Scene, frame: int, other: int) -> Costs:
-    """The costs from the comparison of two frames."""
+def _pair_costs(scene: Scene, frame: int, other: int, share: float) -> Costs:
+    """The costs from the comparison of two frames; ``share`` as ``OCCLUDED_SHARE``."""
     here, there = (_blurred(scene.pictures[index]) for index in (frame, other))
     squares: dict[int, npt.NDArray[np.float32]] = {}
     noise = []
@@ -107,17 +112,21 @@ def _pair_costs(scene: Scene, frame: int, other: int) -> Costs:
         noise.append(np.nanmedian(squares[label][y, x]))
     # grey values are whole numbers
     variance = max(float(np.median(noise)), 1.0) if noise else 1.0
-    return _costs(scene, frame, squares, variance)
+    return _costs(scene, frame, squares, variance, share)
 
 
 def _costs(
-    scene: Scene, frame: int, squares: Mapping[int, npt.NDArray[np.float32]], variance: float
+    scene: Scene,
+    frame: int,
+    squares: Mapping[int, npt.NDArray[np.float32]],
+    variance: float,
+    share: float,
 ) -> Costs:
     unexplained = np.log(T_PEAK * GREY_VALUES / np.sqrt(variance))
     width, height = scene.size(frame)
     costs = np.full((len(scene.shown), height, width), unexplained, dtype=np.float32)
     for index, label in enumerate(scene.shown):
-        limit = unexplained * (OCCLUDED_SHARE if label == scene.world else 1.0)
+        limit = unexplained * (share if label == scene.world else 1.0)
         if label not in squares:
             continue
         cost = 2.0 * np.log1p(squares[label] / (3.0 * variance))
