@@ -119,7 +119,7 @@ def _resized(picture: Picture, size: Integers) -> Picture:
 def _label_frame(scene: Scene, frame: int) -> LabelMap:
     """Labels at the reduced size: 0 world or unknown, 1.. the motions in order."""
     picture = scene.pictures[frame]
-    if not scene.shown:
+    if set(scene.shown) <= {scene.world}:
         return np.zeros(picture.shape[:2], dtype=np.int64)
     guide = _grey(picture)
     distances = track_distances(scene, frame)
