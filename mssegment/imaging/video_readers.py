@@ -77,6 +77,8 @@ def _read_by_pyav(path: str, start: int, stop: int | None, step: int) -> Iterato
         raise DataError(
             f"{path}: {_reason(path, str(getattr(error, 'strerror', error)))}"
         ) from None
+    # of a reader that is left open, modules are gone when the interpreter ends
+    failures = (av.error.FFmpegError, ValueError, OSError)
     with container:
         if not container.streams.video:
             raise DataError(f"{path}: {_reason(path, 'no video stream')}")
@@ -103,7 +105,7 @@ def _read_by_pyav(path: str, start: int, stop: int | None, step: int) -> Iterato
             raise DataError(
                 f"{path}: there is not enough memory to decode frame {index}; use a smaller video"
             ) from None
-        except (av.error.FFmpegError, ValueError, OSError) as error:
+        except failures as error:
             if index == 0:
                 reason = str(getattr(error, "strerror", error))
                 raise DataError(f"{path}: {_reason(path, reason)}") from None
