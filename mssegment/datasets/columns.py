@@ -17,8 +17,8 @@ TRACK = _names(
     "track track_id track_nr track_no track_number particle particle_id object_id obj_id "
     "trajectory trajectory_id traj traj_id tracklet tracklet_id target_id point_id "
     "keypoint_id feature_id landmark_id marker_id person_id pedestrian_id ped_id vehicle_id "
-    "agent_id animal_id trk_id tid id track_label spot_track_id cell_id track_n point object "
-    "obj marker feature label_id"
+    "agent_id animal_id tracker_id tracking_id trk_id tid id track_label spot_track_id cell_id "
+    "track_n point object obj marker feature label_id"
 )
 """Names of the column that identifies a track, the most telling first."""
 FRAME = _names(
@@ -46,6 +46,9 @@ LABEL = _names("label true_label gt_label gt true_motion ground_truth truth clas
 VISIBLE = _names("visible visibility is_visible visibs vis")
 OCCLUDED = _names("occluded occlusion is_occluded occ hidden lost outside")
 CONFIDENCE = _names("confidence conf likelihood certainty")
+
+DX = _names("dx delta_x d_x disp_x displacement_x x_displacement flow_x u")
+DY = _names("dy delta_y d_y disp_y displacement_y y_displacement flow_y v")
 
 LONGEST = 80
 """Characters of a name that is looked into: the time for that grows with the square."""
@@ -126,6 +129,22 @@ def _view_and_axis(name: str) -> tuple[str, str] | None:
     if match := _VIEW_FIRST.fullmatch(name):
         return match[1], _AXES[match[2]]
     return None
+
+
+def displacement_of(names: Iterable[str]) -> tuple[str, str, str, str] | None:
+    """The columns x, y and dx, dy of places and how they move; None where one is missing.
+
+    Also None where there are frames: a field for each of several is no pair of views.
+    """
+    known = list(names)
+    if first_of(known, FRAME) is not None:
+        return None
+    dx, dy = first_of(known, DX), first_of(known, DY)
+    rest = [name for name in known if name not in (dx, dy)]
+    x, y = first_of(rest, X), first_of(rest, Y)
+    if x is None or y is None or dx is None or dy is None:
+        return None
+    return x, y, dx, dy
 
 
 def _of_boxes(names: Iterable[str], wanted: Sequence[str]) -> set[str]:

@@ -13,7 +13,8 @@ from mssegment.datasets.base import (
     size_that_holds,
 )
 from mssegment.datasets.containers import InputFile, Variables
-from mssegment.datasets.tables import STACKED, Table
+from mssegment.datasets.table_forms import STACKED
+from mssegment.datasets.tables import Table
 from mssegment.datasets.track_columns import LIKELY
 from mssegment.errors import DataError
 from mssegment.records import Tracks

@@ -13,7 +13,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
-from mssegment.datasets.tables import STACKED, Table
+from mssegment.datasets.table_forms import STACKED
+from mssegment.datasets.tables import Table
 from mssegment.errors import DataError
 
 if TYPE_CHECKING:

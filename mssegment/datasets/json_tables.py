@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import Any
 
+import numpy as np
+
 from mssegment.datasets.columns import FRAME, TRACK, first_of, plain
 
 Record = dict[str, Any]
@@ -24,7 +26,7 @@ def columns_of(content: Mapping[str, Any]) -> dict[str, list[Any]]:
     Nested records, such as the objects of each frame, become one record each, with the values of
     the outer one. Boxes, points and lists of keypoints become columns of numbers.
     """
-    for form in (_of_split, _of_columns, _of_tracks):
+    for form in (_of_split, _of_columns, _of_tracks, _of_nested):
         found = form(content)
         if found:
             return found
@@ -71,6 +73,39 @@ def _of_tracks(content: Mapping[str, Any]) -> dict[str, list[Any]]:
     if len(found) < len(rows):
         return {}
     return {name: [row[i] for row in found] for i, name in enumerate(("track", "frame", "x", "y"))}
+
+
+def _of_nested(content: Mapping[str, Any]) -> dict[str, list[Any]]:
+    """The positions [x, y] of each frame by their track, or of each track by their frame.
+
+    A frame has positions all over the picture, and those of a track are near each other.
+    """
+    if len(content) < 2 or not all(isinstance(v, dict) and v for v in content.values()):
+        return {}
+    points = [_numbers(value) for own in content.values() for value in own.values()]
+    if not all(len(point) == 2 for point in points):
+        return {}
+    outer = [name for name, own in content.items() for _ in own]
+    inner = [str(name) for own in content.values() for name in own]
+    if _spread(inner, points) <= _spread(outer, points):
+        track, frame = inner, outer
+    else:
+        track, frame = outer, inner
+    x, y = ([point[axis] for point in points] for axis in (0, 1))
+    return {"track": track, "frame": frame, "x": x, "y": y}
+
+
+def _spread(keys: list[str], points: list[list[float]]) -> float:
+    """The sum of the squared distances of points from the mean of those with the same key."""
+    groups: dict[str, list[list[float]]] = {}
+    for key, point in zip(keys, points, strict=True):
+        groups.setdefault(key, []).append(point)
+    return float(
+        sum(
+            np.var(np.array(own, dtype=np.float64), axis=0).sum() * len(own)
+            for own in groups.values()
+        )
+    )
 
 
 def _records(content: Mapping[str, Any]) -> list[Record]:

@@ -12,8 +12,16 @@ from mssegment.datasets.base import (
     frames_inside,
     size_that_holds,
 )
-from mssegment.datasets.columns import LABEL, TRACK, first_of, sightings_of, views_of
+from mssegment.datasets.columns import (
+    LABEL,
+    TRACK,
+    displacement_of,
+    first_of,
+    sightings_of,
+    views_of,
+)
 from mssegment.datasets.containers import InputFile, Variables
+from mssegment.datasets.measurements import is_matrix
 from mssegment.datasets.tables import Table
 from mssegment.datasets.track_columns import ignored_columns, labels_of
 from mssegment.errors import DataError
@@ -25,7 +33,9 @@ def recognises(columns: Variables) -> bool:
     if not isinstance(columns, Table):
         return False
     if columns.has_header:
-        return sightings_of(columns) is None and len(views_of(columns)) >= 2
+        if sightings_of(columns) is not None:
+            return False
+        return len(views_of(columns)) >= 2 or displacement_of(columns) is not None
     return len(columns) >= 4 and _layout(columns) is not None
 
 
@@ -52,9 +62,8 @@ def read_matches(table: Table, file: InputFile) -> ImportedTracks:
             raise DataError(f"{file.name}: {len(table)} columns without names; name them")
         notes.append(f"no names of columns: read as {','.join(_shortened(names))}")
         table = table.renamed(names)
-    views = views_of(table)
-    columns = [[table.numbers(axis) for axis in view] for view in views]
-    points = np.moveaxis(np.array(columns, dtype=np.float64), -1, 0)
+    views, points, said = _positions(table)
+    notes += said
     half: npt.NDArray[np.bool_] = np.asarray(np.isnan(points).any(axis=-1))
     points[half] = np.nan
     check_points(points, file.name)
@@ -77,6 +86,34 @@ def read_matches(table: Table, file: InputFile) -> ImportedTracks:
     )
 
 
+def _positions(table: Table) -> tuple[list[tuple[str, str]], Floats, list[str]]:
+    """The columns (x, y) of each view, the positions [P, F, 2], and what was assumed."""
+    views, displacement = views_of(table), None
+    if len(views) < 2:
+        displacement = displacement_of(table)
+        assert displacement is not None
+        views = [displacement[:2], displacement[2:]]
+    columns = [[table.numbers(axis) for axis in view] for view in views]
+    points = np.moveaxis(np.array(columns, dtype=np.float64), -1, 0)
+    if displacement is None:
+        return views, points, []
+    named = ", ".join(displacement[2:])
+    if _cancels(points):
+        return views, points, [f"{named} are read as positions in the second view"]
+    points[:, 1] += points[:, 0]
+    return views, points, [f"{named} are read as displacements"]
+
+
+def _cancels(points: Floats) -> bool:
+    """Whether the second of two columns of pairs [P, 2, 2] are positions, as the first are.
+
+    Of positions in two views the places cancel in the differences; to displacements, which do not
+    depend on the place, they add.
+    """
+    spread = np.nanvar(points, axis=0).sum()
+    return bool(np.nanvar(points[:, 1] - points[:, 0], axis=0).sum() < spread / 2)
+
+
 def _shortened(names: list[str]) -> list[str]:
     return names if len(names) <= 6 else [*names[:4], "...", *names[-2:]]
 
@@ -89,7 +126,7 @@ def _layout(table: Table) -> list[str] | None:
     count = values.shape[1]
     if count == 6 and (values[:, [2, 5]] == 1).all():
         return ["x1", "y1", "homogeneous1", "x2", "y2", "homogeneous2"]
-    if is_sighting_like(values):
+    if is_sighting_like(values) or is_matrix(values):
         return None
     views = count // 2
     if views > 2 and len(values) > 2 and not np.ptp(values[:, : 2 * views], axis=0).all():

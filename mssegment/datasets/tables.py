@@ -10,12 +10,13 @@ from itertools import islice
 
 import numpy as np
 
+from mssegment.datasets.table_forms import is_pair, unstacked, with_pairs_parted
 from mssegment.errors import DataError
 from mssegment.inputs.encodings import text_of
 from mssegment.records import Floats
 
-STACKED = "|"
-"""Between the parts of a name of a column that stands in several lines."""
+ROW_NAMES = "row name"
+"""Name of a first column that the line of names leaves out."""
 _SAMPLE = 60
 """Lines from which the separator is determined."""
 _SEPARATORS = ("\t", ";", ",", "|", " ")
@@ -160,17 +161,19 @@ def read_table(content: bytes, name: str) -> Table:
             named = comment[1].replace(",", " ").split()
         if len(named) == len(rows[0][1]):
             rows.insert(0, (comment[0], named))
-    rows = _unstacked(_without_preamble(rows))
+    rows = unstacked(_without_preamble(rows))
     has_header = not _is_data(rows[0][1])
     first = rows[0][1]
     names = [cell.strip().lower() for cell in first] if has_header else _numbered(len(first))
     body = rows[1:] if has_header else rows
     names = _without_trailing(names, body)
+    if has_header and body and all(len(row) == len(names) + 1 for _, row in body):
+        names = [ROW_NAMES, *names]  # as R writes them
     for number, row in body:
         if len(row) != len(names):
             raise DataError(f"{name}: line {number}: {len(row)} fields; expected {len(names)}")
     names = _checked_names(names, body, name, rows[0][0])
-    columns = {own: [row[i] for _, row in body] for i, own in enumerate(names)}
+    columns = with_pairs_parted({own: [row[i] for _, row in body] for i, own in enumerate(names)})
     return Table(name, columns, [number for number, _ in body], has_header)
 
 
@@ -226,7 +229,7 @@ def _separator(lines: Sequence[str]) -> str:
         if usual < 2:
             continue
         cells = [cell for row in rows for cell in row if cell.strip()]
-        good = sum(_reads_as_number(cell) for cell in cells) / max(len(cells), 1)
+        good = sum(_reads_as_number(cell) or is_pair(cell) for cell in cells) / max(len(cells), 1)
         score = good * counts.count(usual) / len(counts), usual
         if score > most:
             best, most = separator, score
@@ -247,20 +250,6 @@ def _without_preamble(rows: list[tuple[int, list[str]]]) -> list[tuple[int, list
     """The rows without lines of a single cell above the table, such as its title."""
     start = next((i for i, (_, row) in enumerate(rows[:_SAMPLE]) if sum(map(bool, row)) > 1), 0)
     return rows[start:]
-
-
-def _unstacked(rows: list[tuple[int, list[str]]]) -> list[tuple[int, list[str]]]:
-    """DeepLabCut's three or four lines of names as one, without the scorer."""
-    first = [row[0].strip().lower() for _, row in rows[:4]]
-    if first[:1] != ["scorer"] or "coords" not in first:
-        return rows
-    last = first.index("coords")
-    columns = zip(*(row for _, row in rows[1 : last + 1]), strict=False)
-    names = [STACKED.join(cell.strip() for cell in column) for column in columns]
-    # labelled pictures have their folder, clip and name in three columns
-    index = [name for name in names[1:3] if not name.strip(STACKED)]
-    frame = ["folder", "clip", "frame"] if len(index) == 2 else ["frame"]
-    return [(rows[last][0], [*frame, *names[len(frame) :]]), *rows[last + 1 :]]
 
 
 def _numbered(count: int) -> list[str]:
