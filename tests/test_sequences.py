@@ -202,7 +202,7 @@ class TestIdentities:
 
 
 class TestReappearance:
-    lost = Sight(100, (200.0, 200.0), (4.0, 0.0), seen=60)
+    lost = Sight(100, (200.0, 200.0), (4.0, 0.0), seen=60, half_size=(20.0, 20.0))
 
     @pytest.mark.parametrize(
         ("again", "is_same"),
@@ -210,6 +210,8 @@ class TestReappearance:
             (Sight(130, (322.0, 203.0), (4.1, 0.0)), True),
             (Sight(130, (322.0, 203.0), (-4.0, 0.0)), False),  # the other way
             (Sight(130, (500.0, 400.0), (4.1, 0.0)), False),  # elsewhere
+            (Sight(130, (262.0, 203.0), (4.1, 0.0)), True),  # it has stopped on its way
+            (Sight(130, (150.0, 203.0), (4.1, 0.0)), False),  # behind it
             (Sight(90, (160.0, 200.0), (4.0, 0.0)), False),  # at the same time
             (Sight(190, (560.0, 200.0), (4.0, 0.0)), False),  # later than it was ever seen
         ],
@@ -218,7 +220,7 @@ class TestReappearance:
         assert bool(reappeared([self.lost], [again], SIZE)) is is_same
 
     def test_what_left_the_picture_does_not_come_back(self) -> None:
-        leaving = Sight(100, (630.0, 200.0), (4.0, 0.0), seen=60)
+        leaving = Sight(100, (630.0, 200.0), (4.0, 0.0), seen=60, half_size=(20.0, 20.0))
         assert not reappeared([leaving], [Sight(110, (630.0, 200.0), (4.0, 0.0))], SIZE)
 
 
@@ -280,6 +282,30 @@ class TestWhole:
         np.testing.assert_allclose(kept.high, np.array(self.whole().high) + np.array([30, 0]))
         larger = Whole(29, (250.0, 170.0), (310.0, 230.0), (3.0, 0.0))
         assert self.whole().updated(points, 0, larger) == larger
+
+    def test_what_was_seen_before_belongs_to_the_box(self) -> None:
+        """The leading half is hidden in the frame of the sight."""
+        points = block((200, 200), (3, 0))
+        ahead = points[:, 0, 0] > 200
+        points[ahead, 15:] = np.nan
+        box = Whole.of(points, 0, Sight(19, (247.0, 200.0), (3.0, 0.0), seen=20))
+        np.testing.assert_allclose(box.low, (237, 180), atol=6)
+        np.testing.assert_allclose(box.high, (277, 220), atol=6)
+
+    def test_what_is_seen_is_inside_wherever_it_has_stopped(self) -> None:
+        """It should be 60 pixels further, but a part of it appears 15 pixels from where it was."""
+        points = np.full((25, 20, 2), np.nan)
+        points[:, 15:] = block((262, 200), (3, 0))[:, :5]
+        appears = Whole(59, (267.0, 180.0), (292.0, 220.0), (3.0, 0.0))
+        kept = self.whole().updated(points, 40, appears)
+        size = np.array(self.whole().high) - self.whole().low
+        np.testing.assert_allclose(np.array(kept.high) - kept.low, size)
+        np.testing.assert_allclose(kept.low[0], appears.low[0])
+
+    def test_what_rests_keeps_the_velocity_that_it_had(self) -> None:
+        points = np.repeat(block((257, 200), (3, 0))[:, :1], 30, axis=1)
+        resting = Whole(48, (237.0, 180.0), (277.0, 220.0), (0.0, 0.0))
+        assert self.whole().updated(points, 19, resting).velocity == (3.0, 0.0)
 
     def test_where_it_stood_still_meanwhile_it_is_not_further(self) -> None:
         """No track is seen all the time, as behind a post; from frame to frame some are."""

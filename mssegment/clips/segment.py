@@ -26,7 +26,8 @@ from mssegment.records import (
     Tracks,
     replace,
 )
-from mssegment.sequences.membership import members, without_strangers
+from mssegment.sequences.adoption import adopted
+from mssegment.sequences.membership import left_behind, members, without_strangers
 from mssegment.sequences.parts import coherent, join_parts, split_apart, without_borders
 from mssegment.sequences.short_tracks import label_short_tracks
 
@@ -43,6 +44,8 @@ class SegmentedWindow(Record, frozen=True):
         1..m for a motion, 0 outlier, -1 background, -2 not judged.
     shown : ndarray [P, L] of bool
         The frames in which a track is visible, and moves with its motion if it has one.
+    stuck : ndarray [P] of bool
+        The tracks that stand still at their end, while their motion goes on.
     motions : tuple of Motion
         The motions, label 1 first; that of an object in several parts is the motion of the largest.
     camera_motion : int or None
@@ -57,6 +60,7 @@ class SegmentedWindow(Record, frozen=True):
 
     labels: Integers
     shown: Flags
+    stuck: Flags
     motions: tuple[Motion, ...] = ()
     camera_motion: int | None = None
     is_static: bool = False
@@ -117,20 +121,23 @@ def segment_window(
             moved_before=None if moved_before is None else moved_before[long_enough],
         )
     except DataError as error:
-        return SegmentedWindow(labels, visible, notes=(f"no motions: {error}",))
+        nothing = np.zeros(len(points), dtype=bool)
+        return SegmentedWindow(labels, visible, nothing, notes=(f"no motions: {error}",))
     labels[long_enough] = found.labels
     notes = [note for entry in found.history[len(history) :] for note in entry.notes]
     is_static = bool((found.labels == BACKGROUND).any())
     objects = _objects(points, visible, labels) if is_static else labels
     judged = label_short_tracks(points, objects)
-    shown = visible
+    shown, stuck = visible, np.zeros(len(points), dtype=bool)
     if is_static:
         shown = members(points, judged)
+        stuck = left_behind(judged, visible, shown)
         judged = without_strangers(judged, visible, shown)
         shown = np.where((judged > 0)[:, None], shown, visible)
     return SegmentedWindow(
         labels=judged,
         shown=shown,
+        stuck=stuck,
         motions=_motions(found.motions, labels, objects),
         camera_motion=found.camera_motion,
         is_static=is_static,
@@ -144,14 +151,16 @@ def _objects(points: Floats, visible: Flags, labels: Integers) -> Integers:
     shown = members(points, labels)
     own = without_strangers(labels, visible, shown)
     pieces = coherent(points, split_apart(points, own, shown), shown)
-    return without_borders(points, join_parts(points, pieces, shown), shown)
+    whole = without_borders(points, join_parts(points, pieces, shown), shown)
+    return adopted(points, whole, shown)
 
 
 def _motions(motions: Sequence[Motion], labels: Integers, objects: Integers) -> tuple[Motion, ...]:
     """The motion of each object: that of its largest part, with the label of the object."""
     found = []
     for number in range(1, int(objects.max(initial=0)) + 1):
-        largest = int(np.bincount(labels[objects == number]).argmax())
+        of_motion = labels[(objects == number) & (labels > 0)]
+        largest = int(np.bincount(of_motion).argmax())
         motion = motions[largest - 1]
         found.append(replace(motion, label=number, inliers=np.flatnonzero(objects == number)))
     return tuple(found)

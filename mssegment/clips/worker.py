@@ -168,7 +168,9 @@ def _stored(points: Sequence[FramePoints]) -> list[LiveTracks]:
 def _labels(window: FullWindow, found: SegmentedWindow) -> WindowLabels:
     """What identities are made of: tracks while they move with their motion."""
     points = np.where(found.shown[..., None], window.points, np.nan)
-    return WindowLabels(window.start, window.tracks, points, found.labels, found.camera_motion)
+    return WindowLabels(
+        window.start, window.tracks, points, found.labels, found.camera_motion, found.stuck
+    )
 
 
 def _separated(

@@ -38,11 +38,17 @@ class BodyFrame(Record, frozen=True):
         The median distance of the track from its place, in pixels.
     episodes : ndarray [n] of int64
         Places of one episode can be compared: between them the path is not known.
+    path : ndarray [F, 2]
+        Where the group is in each frame, from where it is in the first one of an episode.
+    episode : ndarray [F] of int64
+        The episode of each frame.
     """
 
     places: Floats
     spread: Floats
     episodes: Integers
+    path: Floats
+    episode: Integers
 
     @classmethod
     def of(cls, points: Floats, shown: Flags) -> BodyFrame:
@@ -66,7 +72,7 @@ class BodyFrame(Record, frozen=True):
         apart = np.linalg.norm(own - places[some][:, None], axis=2)
         spread[some] = nan_median(apart, axis=1)
         episodes = np.where(some, episode[middle], -1 - np.arange(len(points)))
-        return cls(places, spread, episodes)
+        return cls(places, spread, episodes, path, episode)
 
 
 def connections(
@@ -92,7 +98,7 @@ def connections(
         moments that show both.
     """
     body = BodyFrame.of(points, shown)
-    spacing = _spacing(points, shown)
+    spacing = spacing_of(points, shown)
     found = [np.zeros((0, 2), dtype=np.int64)]
     for episode in np.unique(body.episodes):
         rows = np.flatnonzero(body.episodes == episode)
@@ -164,7 +170,7 @@ def _between(
     return together, separated
 
 
-def _spacing(points: Floats, shown: Flags) -> float:
+def spacing_of(points: Floats, shown: Flags) -> float:
     """The typical distance of a track from its third neighbour, in pixels."""
     found = []
     for frame in _moments(shown):

@@ -11,7 +11,8 @@ import math
 import numpy as np
 
 from mssegment.records import Floats, Record, replace
-from mssegment.sequences.body_frame import LEAST_TRACKS
+from mssegment.sequences.body_frame import LEAST_TRACKS, BodyFrame
+from mssegment.sequences.lifetimes import MOVED
 from mssegment.sequences.parts import LARGEST_RELIEF
 from mssegment.sequences.reappearance import Sight
 
@@ -42,11 +43,22 @@ class Whole(Record, frozen=True):
 
     @classmethod
     def of(cls, points: Floats, start: int, seen: Sight) -> Whole:
-        """The box of the tracks [n, L, 2] in the frame of a sight, if they begin in ``start``."""
-        here = points[:, seen.frame - start]
-        here = here[np.isfinite(here).all(axis=1)]
-        low, high = core_box(here)
+        """The box of the tracks [n, L, 2] in the frame of a sight, if they begin in ``start``.
+
+        Of all tracks from which the way to that frame is known, also if they are hidden there.
+        """
+        frame = seen.frame - start
+        body = BodyFrame.of(points, np.asarray(np.isfinite(points[..., 0])))
+        here = points[:, frame]
+        hidden = np.isnan(here[:, 0])
+        known = ~hidden | (body.episodes == body.episode[frame])
+        low, high = core_box(np.where(hidden[:, None], body.places + body.path[frame], here)[known])
         return cls(seen.frame, (low[0], low[1]), (high[0], high[1]), seen.velocity)
+
+    @property
+    def half_size(self) -> tuple[float, float]:
+        """Half of its width and of its height."""
+        return (self.high[0] - self.low[0]) / 2, (self.high[1] - self.low[1]) / 2
 
     def updated(self, points: Floats, start: int, now: Whole) -> Whole:
         """The box after it was seen again.
@@ -65,12 +77,16 @@ class Whole(Record, frozen=True):
         """
         moved = self._moved(points, start, now.frame)
         scale = _change_of_size(points, self.frame - start, now.frame - start)
-        middle = (np.array(self.low) + np.array(self.high)) / 2 + moved
         half = (np.array(self.high) - np.array(self.low)) / 2 * scale
+        middle = (np.array(self.low) + np.array(self.high)) / 2 + moved
+        if self.frame < start:  # it may have stopped, but what is seen of it is inside
+            middle = np.clip(middle, np.array(now.high) - half, np.array(now.low) + half)
         hidden = np.array(now.high) - np.array(now.low) < 2 * half
         low = np.where(hidden, middle - half, now.low)
         high = np.where(hidden, middle + half, now.high)
-        return Whole(now.frame, (low[0], low[1]), (high[0], high[1]), now.velocity)
+        rests = now.frame > self.frame and float(np.linalg.norm(moved)) < MOVED
+        velocity = self.velocity if rests else now.velocity
+        return Whole(now.frame, (low[0], low[1]), (high[0], high[1]), velocity)
 
     def rested(self, frame: int) -> Whole:
         """The box in a later frame, up to which the object stood still."""

@@ -70,6 +70,11 @@ class TrackHistory(State):
                 kept[track] = own
         self.windows = kept
 
+    def forget(self, tracks: Integers) -> None:
+        """What the ``tracks`` have been is not what they are."""
+        for track in tracks.tolist():
+            self.windows.pop(track, None)
+
 
 def vote_table(rows: Iterable[Mapping[int, float]], identities: Integers) -> Floats:
     """The votes of each row for each of the ``identities`` [k], as an array [m, k]."""

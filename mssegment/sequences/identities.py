@@ -14,10 +14,10 @@ from collections.abc import Iterable, Mapping, Sequence
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
-from mssegment.records import BACKGROUND, OUTLIER, Integers, State, field, replace
+from mssegment.records import BACKGROUND, OUTLIER, Floats, Integers, State, field, replace
 from mssegment.sequences.extent import Whole
 from mssegment.sequences.history import STATIC_WORLD, TrackHistory, vote_table
-from mssegment.sequences.parts import TRACKED_WINDOW, move_alike
+from mssegment.sequences.parts import LEAST_OBJECT, TRACKED_WINDOW, move_alike
 from mssegment.sequences.reappearance import Sight, reappeared, sight
 from mssegment.sequences.rest import Resting, moving_on
 from mssegment.sequences.separation import separated
@@ -95,7 +95,7 @@ class IdentityTracker(State):
         identity |= {moving[row]: known for row, known in continued.items()}
         new = [j for j in moving if not identity[j]]
         first = {j: sight(window.points[own[j]], window.start, first=True) for j in new}
-        identity |= self._parts(first)
+        identity |= self._parts(first, self._wholes_now(window, own, identity))
         identity |= self._split_off(window, own, identity, votes)
         still = self._still(window, own, identity, usual)
         unknown = {j: window.points[own[j]] for j in new if not identity[j]}
@@ -106,11 +106,17 @@ class IdentityTracker(State):
         }
         identity |= moving_on(unknown, resting_places)
         hidden = {j: one for j, one in first.items() if not identity[j]}
-        identity |= self._again(hidden, set(identity.values()))
+        again = self._again(hidden, {*identity.values(), *still})
+        identity |= again
+        identity |= self._parts(
+            {j: one for j, one in hidden.items() if j not in again},
+            self._wholes_now(window, own, again),
+        )
         origins = {}
         static_camera = bool((window.labels == BACKGROUND).any())
         for j in new:
-            if not identity[j] and static_camera and travel(window.points[own[j]]) < TRACKED_WINDOW:
+            is_small = len(own[j]) < LEAST_OBJECT or travel(window.points[own[j]]) < TRACKED_WINDOW
+            if not identity[j] and static_camera and is_small:
                 identity[j] = NO_OBJECT
             elif not identity[j]:
                 self.objects += 1
@@ -126,6 +132,8 @@ class IdentityTracker(State):
         merged = merged_into(window, tracks, usual, present | set(resting))
         self._remember(window, own, identity, resting, merged)
         self.history.record(window.tracks, tracks, paused)
+        if window.stuck is not None:
+            self.history.forget(window.tracks[window.stuck])
         return WindowIdentities(
             tuple(identity[j] for j in range(window.motions)), tracks, resting, origins, merged
         )
@@ -175,13 +183,34 @@ class IdentityTracker(State):
         rows, columns = linear_sum_assignment(-np.where(allowed, table, 0.0))
         return {int(i): int(known[k]) for i, k in zip(rows, columns, strict=True) if allowed[i, k]}
 
-    def _parts(self, first: Mapping[int, Sight | None]) -> dict[int, int]:
+    def _wholes_now(
+        self, window: WindowLabels, own: list[Integers], identity: Mapping[int, int]
+    ) -> dict[int, list[Whole]]:
+        """The boxes of all objects: as they were, and as they are if they go on."""
+        found = {known: [whole] for known, whole in self.wholes.items()}
+        for j, known in identity.items():
+            if known in found:
+                points = window.points[own[j]]
+                last = sight(points, window.start, first=False)
+                if last is not None:
+                    found[known].append(self._whole(known, points, window.start, last))
+        return found
+
+    def _whole(self, known: int, points: Floats, start: int, last: Sight) -> Whole:
+        """The box of an object after a window, from its tracks and its last sight in it."""
+        box, before = Whole.of(points, start, last), self.wholes.get(known)
+        return box if before is None else before.updated(points, start, box)
+
+    def _parts(
+        self, first: Mapping[int, Sight | None], wholes: Mapping[int, list[Whole]]
+    ) -> dict[int, int]:
         """The motions that appear inside an object, where that should be, and move like it."""
         found = {}
         for j, one in first.items():
             own = [
                 (whole.distance(one), identity)
-                for identity, whole in self.wholes.items()
+                for identity, boxes in wholes.items()
+                for whole in boxes
                 if one is not None
                 and abs(one.frame - whole.frame) <= self.seen_for(identity, whole.frame)
                 and whole.holds(one)
@@ -217,9 +246,10 @@ class IdentityTracker(State):
     def _again(self, first: dict[int, Sight | None], present: set[int]) -> dict[int, int]:
         """The hidden objects that appear again, by motion."""
         motions = [j for j, one in first.items() if one is not None]
-        lost = [identity for identity in sorted(self.lost) if identity not in present]
+        sights = {**self.lost, **self.last_sights}
+        lost = [identity for identity in sorted(sights) if identity not in present]
         pairs = reappeared(
-            [self.lost[identity] for identity in lost],
+            [sights[identity] for identity in lost],
             [one for one in first.values() if one is not None],
             self.size,
         )
@@ -243,6 +273,8 @@ class IdentityTracker(State):
             if identity[j] == STATIC_WORLD:
                 static[rows] = True
         still_or_none = static | (window.labels == OUTLIER)
+        if window.stuck is not None:
+            still_or_none &= ~window.stuck
         found = {}
         # one whose size is not known has been lost, or was merged
         for known in (k for k in np.unique(usual).tolist() if k in self.sizes):
@@ -281,12 +313,10 @@ class IdentityTracker(State):
                 size = float(np.median(shown[shown > 0]))
                 # what is half hidden has not become smaller
                 self.sizes[known] = max(size, self.sizes.get(known, 0.0) / 2)
-                box = Whole.of(window.points[rows], window.start, last)
-                before = self.wholes.get(known)
-                self.wholes[known] = (
-                    box
-                    if before is None
-                    else before.updated(window.points[rows], window.start, box)
+                whole = self._whole(known, window.points[rows], window.start, last)
+                self.wholes[known] = whole
+                kept[known] = replace(
+                    kept[known], half_size=whole.half_size, velocity=whole.velocity
                 )
         end = window.start + window.points.shape[1] - 1
         for known in resting:

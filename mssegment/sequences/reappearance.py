@@ -15,6 +15,7 @@ from scipy.optimize import linear_sum_assignment
 
 from mssegment.models import Flags
 from mssegment.records import Floats, Record
+from mssegment.special import nan_median
 
 MAX_FALSE_ALARMS = 0.1
 """Largest expected number of objects that are taken for another one by chance, in a window."""
@@ -36,12 +37,15 @@ class Sight(Record, frozen=True):
         The median of their displacements, in pixels a frame.
     seen : int
         For how many frames the object has been seen; a motion is predicted for as long at most.
+    half_size : tuple of float
+        Half of the width and of the height of its box, in pixels.
     """
 
     frame: int
     position: tuple[float, float]
     velocity: tuple[float, float]
     seen: int = 0
+    half_size: tuple[float, float] = (0.0, 0.0)
 
 
 def sight(points: Floats, start: int, *, first: bool) -> Sight | None:
@@ -56,21 +60,30 @@ def sight(points: Floats, start: int, *, first: bool) -> Sight | None:
     if len(frames) < 2:
         return None
     frame = int(frames[0] if first else frames[-1])
-    span = frames[: max(2, len(frames) // 2)] if first else frames[-max(2, len(frames) // 2) :]
-    moved = points[:, span[-1]] - points[:, span[0]]
-    if not np.isfinite(moved).all(axis=1).any():
-        span = frames[:2] if first else frames[-2:]
-        moved = points[:, span[-1]] - points[:, span[0]]
-    moved = moved[np.isfinite(moved).all(axis=1)]
-    if not len(moved):
+    velocity = velocity_of(points[:, frames[0] : frames[-1] + 1])
+    if velocity is None:
         return None
-    velocity = np.median(moved, axis=0) / (span[-1] - span[0])
     position = np.median(points[visible[:, frame], frame], axis=0)
     return Sight(
         start + frame,
         (float(position[0]), float(position[1])),
         (float(velocity[0]), float(velocity[1])),
     )
+
+
+def velocity_of(points: Floats) -> Floats | None:
+    """The velocity of tracks [n, F, 2] while they move, in pixels a frame.
+
+    The median displacements from frame to frame, weighted by their lengths: an object that has
+    stopped moves on with the velocity that it had. None if no frame is followed by another one.
+    """
+    steps = np.diff(points, axis=1)
+    known = np.isfinite(steps[..., 0]).any(axis=0)
+    if not known.any():
+        return None
+    step = nan_median(steps[:, known], axis=0)
+    length = np.linalg.norm(step, axis=1)
+    return np.asarray((length[:, None] * step).sum(axis=0) / max(float(length.sum()), 1e-12))
 
 
 def reappeared(
@@ -93,7 +106,7 @@ def reappeared(
 
     Examples
     --------
-    >>> lost = [Sight(10, (100.0, 50.0), (4.0, 0.0), seen=30)]
+    >>> lost = [Sight(10, (100.0, 50.0), (4.0, 0.0), seen=30, half_size=(20.0, 30.0))]
     >>> reappeared(lost, [Sight(30, (178.0, 52.0), (3.9, 0.1))], (640, 480))
     [(0, 0)]
     >>> reappeared(lost, [Sight(30, (500.0, 300.0), (-4.0, 0.0))], (640, 480))
@@ -114,16 +127,34 @@ def reappeared(
 
 
 def _chance(lost: Sight, found: Sight, size: tuple[int, int]) -> float:
-    """How likely an object anywhere is as near to the prediction; 1 where it cannot be the same."""
+    """How likely an object anywhere, with any velocity, fits as well.
+
+    It may have stopped on its way, anywhere up to where its velocity would have taken it, and a
+    part of it may appear. 1 or more where it cannot be the same.
+    """
     gap = found.frame - lost.frame
     before, now = np.array(lost.velocity), np.array(found.velocity)
-    straight_on = np.array(lost.position) + gap * before
-    has_left = bool((straight_on < 0).any() or (straight_on >= size).any())
-    change = np.linalg.norm(now - before)
-    faster = max(np.linalg.norm(now), np.linalg.norm(before))
-    if not 0 < gap <= lost.seen or has_left or change > LARGEST_CHANGE * faster:
+    change = float(np.linalg.norm(now - before))
+    faster = max(float(np.linalg.norm(now)), float(np.linalg.norm(before)))
+    if not 0 < gap <= lost.seen or change > LARGEST_CHANGE * faster or _has_left(lost, gap, size):
         return math.inf
     # the velocity may have changed on the way
-    predicted = np.array(lost.position) + gap * (before + now) / 2
-    distance = np.linalg.norm(np.array(found.position) - predicted)
-    return float(np.pi * distance**2 / (size[0] * size[1]))
+    way = gap * (before + now) / 2
+    moved = np.array(found.position) - np.array(lost.position)
+    length = float(np.linalg.norm(way))
+    share = float(np.clip(moved @ way / max(length**2, 1e-12), 0, 1))
+    distance = float(np.linalg.norm(moved - share * way))
+    if distance > math.hypot(*lost.half_size):
+        return math.inf
+    near = (2 * length + np.pi * distance) * distance / (size[0] * size[1])
+    return near * (change / max(faster, 1e-12)) ** 2
+
+
+def _has_left(lost: Sight, gap: int, size: tuple[int, int]) -> bool:
+    """Whether an object was leaving the picture when it was seen last."""
+    position = np.array(lost.position)
+    straight_on = position + gap * np.array(lost.velocity)
+    half = np.array(lost.half_size)
+    touches = (position - half < 0) & (straight_on < 0)
+    touches |= (position + half >= size) & (straight_on >= size)
+    return bool(touches.any())

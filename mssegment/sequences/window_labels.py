@@ -6,6 +6,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from mssegment.models import Flags
 from mssegment.records import BACKGROUND, NOT_JUDGED, Floats, Integers, Record, field
 from mssegment.sequences.history import STATIC_WORLD
 from mssegment.special import nan_median
@@ -33,6 +34,8 @@ class WindowLabels(Record, frozen=True):
         1..m for a motion, ``OUTLIER``, ``BACKGROUND`` or ``NOT_JUDGED``.
     camera_motion : int or None
         The label that seems to be the motion of the static world.
+    stuck : ndarray [P] of bool, optional
+        The tracks that stand still at their end, while their motion goes on.
     """
 
     start: int
@@ -40,6 +43,7 @@ class WindowLabels(Record, frozen=True):
     points: Floats
     labels: Integers
     camera_motion: int | None = None
+    stuck: Flags | None = None
 
     @property
     def motions(self) -> int:
