@@ -16,6 +16,7 @@ from mssegment.records import Floats, Integers, Record, replace
 from mssegment.sampling.observed import ObservedSet
 from mssegment.segmentation.mdl.displacement import displacement_gains
 from mssegment.segmentation.mdl.likelihood import Noise
+from mssegment.segmentation.mdl.relief import Misfits, Relief
 
 MAX_RESIDUAL = 1e6
 """Residuals in pixels are at most this; infinite ones are replaced by it."""
@@ -43,9 +44,15 @@ class Candidates(Record, frozen=True):
     scales : ndarray [K]
         Scales of the residuals in pixels.
     residuals : ndarray [K, P]
-        Residuals in pixels.
+        Residuals in pixels; of motions with relief, misfits in units that make the direction of
+        the relief and the other one alike (``relief``).
     gains : ndarray [K, P]
         Nats that each motion saves on each track.
+    lengths : ndarray [K, P]
+        Residuals in pixels.
+    shapes : ndarray [K, 3]
+        Scales in pixels across and along the relief, and along it without bounds; three times
+        ``scales`` for motions without.
     """
 
     set_indices: Integers
@@ -54,6 +61,8 @@ class Candidates(Record, frozen=True):
     scales: Floats
     residuals: Floats
     gains: Floats
+    lengths: Floats
+    shapes: Floats
 
     def __len__(self) -> int:
         return len(self.set_indices)
@@ -62,7 +71,7 @@ class Candidates(Record, frozen=True):
     def empty(tracks: int) -> Candidates:
         """No candidates, for this number of tracks."""
         empty, rows = np.zeros(0, dtype=np.int64), np.zeros((0, tracks))
-        return Candidates(empty, empty, (), np.zeros(0), rows, rows)
+        return Candidates(empty, empty, (), np.zeros(0), rows, rows, rows, np.zeros((0, 3)))
 
     def take(self, index: Sequence[int] | Integers) -> Candidates:
         """The candidates with these indices."""
@@ -74,6 +83,8 @@ class Candidates(Record, frozen=True):
             self.scales[i],
             self.residuals[i],
             self.gains[i],
+            self.lengths[i],
+            self.shapes[i],
         )
 
     def without(self, *index: int) -> Candidates:
@@ -90,18 +101,31 @@ def concatenate(parts: Sequence[Candidates]) -> Candidates:
         np.concatenate([p.scales for p in parts]),
         np.concatenate([p.residuals for p in parts]),
         np.concatenate([p.gains for p in parts]),
+        np.concatenate([p.lengths for p in parts]),
+        np.concatenate([p.shapes for p in parts]),
     )
+
+
+class Measured(Record, frozen=True):
+    """Attributes of ``Candidates`` that depend on their inliers."""
+
+    scales: Floats
+    residuals: Floats
+    lengths: Floats
+    shapes: Floats
 
 
 class Family(Record, frozen=True):
     """The motions of one set of hypotheses: its tracks, its model, and the noise of its residuals.
 
-    ``index`` is the index of the set.
+    ``index`` is the index of the set; ``with_relief`` whether misfits may lie along the lines to
+    an epipole, as those of bodies do that are not flat.
     """
 
     index: int
     observed_set: ObservedSet
     noise: Noise
+    with_relief: bool = False
 
     def residuals(self, points: Floats) -> Floats:
         """Residuals [B, P] in pixels, finite."""
@@ -147,18 +171,31 @@ class Family(Record, frozen=True):
             return []
         points, rows = points[valid], enough[valid]
         inliers = inliers[rows]
-        residuals = self.residuals(points)
-        scales = self.noise.scales(residuals, inliers)
+        found = self.measured(points, inliers)
         return [
             Candidates(
                 np.full(len(points), self.index),
                 np.asarray(modes[rows], dtype=np.int64),
                 tuple(points),
-                scales,
-                residuals,
-                self.gains(points, residuals, scales, inliers),
+                found.scales,
+                found.residuals,
+                self.gains(points, found.residuals, found.scales, inliers),
+                found.lengths,
+                found.shapes,
             )
         ]
+
+    def measured(self, points: Floats, inliers: Floats, start: Floats | None = None) -> Measured:
+        """What misfits motions ``points`` leave, given their ``inliers`` [B, P]."""
+        if not self.with_relief:
+            residuals = self.residuals(points)
+            scales = self.noise.scales(residuals, inliers, start)
+            return Measured(scales, residuals, residuals, np.repeat(scales[:, None], 3, axis=1))
+        misfits = Misfits.of(self.observed_set, points)
+        relief = Relief.of(misfits, inliers, self.noise)
+        if not self.noise.parallax.any():
+            relief = relief.where_it_pays(misfits.lengths, inliers, self.noise)
+        return Measured(relief.scales, relief.residuals, misfits.lengths, relief.shapes)
 
     def gains(self, points: Floats, residuals: Floats, scales: Floats, inliers: Floats) -> Floats:
         """Nats that each motion saves on each track, [B, P], given its ``inliers`` [B, P]."""

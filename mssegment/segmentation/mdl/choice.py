@@ -196,7 +196,7 @@ def selected_motions(
         if not inliers.any():
             continue
         explained = inliers & (current.gains[k] > 0)
-        residuals = current.residuals[k][explained if explained.any() else inliers]
+        residuals = current.lengths[k][explained if explained.any() else inliers]
         noise = description.families[int(current.set_indices[k])].noise
         found.append(
             SelectedMotion(

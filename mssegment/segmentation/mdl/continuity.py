@@ -14,11 +14,12 @@ from itertools import combinations
 import numpy as np
 
 from mssegment.geometry.projective import homogeneous_rows, transfer
-from mssegment.models import Flags, MotionModel
+from mssegment.models import Flags
 from mssegment.neighbours import nearest_others
 from mssegment.records import Floats, Integers
 from mssegment.segmentation.mdl.candidates import Candidates, concatenate
 from mssegment.segmentation.mdl.description import Description
+from mssegment.segmentation.mdl.granularity import maps_the_plane
 from mssegment.segmentation.rigid_join import MIN_MATCHES, pair_evidence
 from mssegment.segmentation.selection import SelectionProblem
 from mssegment.special import distinct, median
@@ -62,7 +63,7 @@ def merge_faces(
     current : Candidates
     """
     if len(current) < 2 or not all(
-        _maps_the_plane(family.observed_set.model) for family in description.families
+        maps_the_plane(family.observed_set.model) for family in description.families
     ):
         return labels, current
     object_of = group_motions(labels, continuous_pairs(problem, labels, current, description))
@@ -80,11 +81,6 @@ def merge_faces(
                 candidates += family.fitted(inliers[None], current.modes[faces[:1]])
         motions.append(_saving_most(concatenate(candidates), inliers))
     return merged, concatenate(motions)
-
-
-def _maps_the_plane(model: MotionModel) -> bool:
-    """Whether motions are 3 x 3 matrices that map points of the first frame."""
-    return not model.leaves_parallax_free and model.manifold.point_shape == (3, 3)
 
 
 def continuous_pairs(

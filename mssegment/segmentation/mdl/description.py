@@ -29,14 +29,12 @@ from mssegment.segmentation.mdl.labelling import (
     neighbour_cost,
     smooth_labels,
 )
+from mssegment.segmentation.mdl.precision import MIN_LENGTH, log_precision, scale_cost
+from mssegment.segmentation.mdl.relief import relief_cost
 from mssegment.special import median
 
-PRECISION_GAIN = 0.5 * float(np.log(12.0)) - 0.5
-"""Nats that the optimal precision of a parameter saves (Wallace and Freeman, 1987)."""
 SUBSETS_PER_MOTION = 2
 """A motion must have at least this many times the tracks of an elemental subset."""
-MIN_LENGTH = 1e-12
-"""Smallest length in pixels, so that the logarithm for coincident tracks is finite."""
 RESIDUAL_CAP = 1e4
 """Residuals beyond this, in pixels, are treated as equal."""
 LOOSE = 1.7
@@ -126,13 +124,14 @@ class Description(Record, frozen=True):
         for k in range(len(motions)):
             own = labels == k + 1
             if own.any():
-                noise = self.families[int(motions.set_indices[k])].noise
-                square = float((noise.parallax[own] ** 2).mean())
+                family = self.families[int(motions.set_indices[k])]
+                square = float((family.noise.parallax[own] ** 2).mean())
+                _, along, free = motions.shapes[k].tolist()
                 if np.isfinite(self.noise):
-                    beyond = noise.free_scale(motions.residuals[k][own]) ** 2
-                    beyond -= (NOISE_SCALES[0] * self.noise) ** 2
-                    square = min(square, max(beyond, 0.0))
-                shares[k] = square / float(motions.scales[k]) ** 2
+                    if not family.with_relief:
+                        free = family.noise.free_scale(motions.residuals[k][own])
+                    square = min(square, max(free**2 - (NOISE_SCALES[0] * self.noise) ** 2, 0.0))
+                shares[k] = square / along**2
         return np.minimum(shares, 1.0)
 
     def saved(self, motions: Candidates) -> float:
@@ -200,7 +199,7 @@ class Description(Record, frozen=True):
         positions = self.positions[inliers]
         count = len(positions)
         size = 2 * float(np.linalg.norm(positions - positions.mean(axis=0))) / math.sqrt(count)
-        precision = _log_precision(float(motions.scales[k]), count)
+        precision = log_precision(float(motions.scales[k]), count)
         shift = max(noise.log_extent - precision, 0.0)
         shape = max(math.log(max(size, MIN_LENGTH)) - precision, 0.0)
         shifts = min(noise.dimension, model.parameters)
@@ -218,9 +217,9 @@ class Description(Record, frozen=True):
         residuals, scale = motions.residuals[k][inliers], float(motions.scales[k])
         weights = noise.weights(residuals[None], np.array([scale]))[0]
         squares = squares_by_degree(
-            self.positions[inliers], displacements[inliers], residuals, weights
+            self.positions[inliers], displacements[inliers], motions.lengths[k][inliers], weights
         )
-        precision = _log_precision(scale, len(residuals))
+        precision = log_precision(scale, len(residuals))
         range_of_shift = max(noise.log_extent - precision, 0.0)
         shifts = min(noise.dimension, parameters)
         degrees = -(-(parameters - shifts) // PARAMETERS_OF_DEGREE)
@@ -230,11 +229,11 @@ class Description(Record, frozen=True):
 
     def _scale_cost(self, motions: Candidates, k: int, count: int) -> float:
         """Nats to code the scale of motion ``k`` within its bounds."""
-        noise = self.families[int(motions.set_indices[k])].noise
-        nu, c = noise.degrees_of_freedom, noise.dimension
-        information = 2.0 * c if math.isinf(nu) else 2.0 * c * nu / (nu + c + 2.0)
-        precision = PRECISION_GAIN - 0.5 * math.log(information * count)
-        return max(math.log(max(math.log(noise.cap / noise.floor), MIN_LENGTH)) - precision, 0.0)
+        family = self.families[int(motions.set_indices[k])]
+        noise, bounds = family.noise, (family.noise.floor, family.noise.cap)
+        if not family.with_relief:
+            return scale_cost(bounds, noise.dimension, count, noise.degrees_of_freedom)
+        return relief_cost(motions.shapes[k], count, noise)
 
     def _relative_cost(
         self, motions: Candidates, k: int, inliers: Flags, others: Sequence[int]
@@ -251,7 +250,7 @@ class Description(Record, frozen=True):
         # the residuals of a least-squares fit are orthogonal to what another motion could add
         square = float(((from_others**2 - residuals**2) @ weights).min()) / float(weights.sum())
         distance = 0.5 * math.log(max(square, MIN_LENGTH**2))
-        precision = _log_precision(scale, len(residuals))
+        precision = log_precision(scale, len(residuals))
         magnitude = math.log1p(max(family.noise.log_extent - precision, 0.0))
         per_parameter = max(distance - precision, 0.0) + math.log(2.0)
         parameters = family.observed_set.model.parameters
@@ -261,8 +260,3 @@ class Description(Record, frozen=True):
 def least_tracks(model: MotionModel) -> int:
     """The fewest tracks that a motion of this model must have."""
     return SUBSETS_PER_MOTION * model.subset_size
-
-
-def _log_precision(scale: float, count: int) -> float:
-    """Log of the precision in pixels to which ``count`` tracks determine a parameter."""
-    return math.log(scale) - 0.5 * math.log(count) + PRECISION_GAIN

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from mssegment.models import MotionModel
 from mssegment.records import Floats, Integers
 from mssegment.segmentation.options import Granularity
 
@@ -100,6 +101,11 @@ def scale_range(
         own = NOISE_SCALES[0] * noise, NOISE_SCALES[1] * noise
         floor, cap = own if flat else (min(floor, own[0]), min(cap, own[1]))
     return max(floor, MIN_SCALE), max(cap, MIN_SCALE)
+
+
+def maps_the_plane(model: MotionModel) -> bool:
+    """Whether motions are 3 x 3 matrices that map points of the first frame."""
+    return not model.leaves_parallax_free and model.manifold.point_shape == (3, 3)
 
 
 def parallax_noise(points: Floats, granularity: Granularity, predicts_points: bool) -> Floats:

@@ -17,7 +17,7 @@ from mssegment.segmentation.mdl.candidates import (
 )
 from mssegment.segmentation.mdl.data_prices import data_families
 from mssegment.segmentation.mdl.description import Description
-from mssegment.segmentation.mdl.granularity import parallax_noise, scale_range
+from mssegment.segmentation.mdl.granularity import maps_the_plane, parallax_noise, scale_range
 from mssegment.segmentation.mdl.labelling import LABEL_NEIGHBOURS
 from mssegment.segmentation.mdl.likelihood import Noise, uniform_cost
 from mssegment.segmentation.selection import SelectionProblem
@@ -135,7 +135,13 @@ def make_families(problem: SelectionProblem, ingredients: Ingredients) -> list[F
             parallax=parallax_noise(problem.points, granularity, predicts_points),
             degrees_of_freedom=ingredients.degrees_of_freedom,
         )
-        families.append(Family(index, observed_set, noise))
+        relief = (
+            granularity == "object"
+            and problem.points.shape[1] == 2
+            and bool(np.isfinite(problem.noise))
+            and maps_the_plane(model)
+        )
+        families.append(Family(index, observed_set, noise, relief))
     return families
 
 

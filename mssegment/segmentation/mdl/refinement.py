@@ -46,6 +46,7 @@ def refit_once(families: Sequence[Family], current: Candidates, inliers: Floats)
     points = list(current.points)
     scales, residuals = current.scales.copy(), current.residuals.copy()
     gains = current.gains.copy()
+    lengths, shapes = current.lengths.copy(), current.shapes.copy()
     for family in families:
         enough = inliers.sum(axis=1) > family.observed_set.model.subset_size
         rows = np.flatnonzero(enough & (current.set_indices == family.index))
@@ -54,10 +55,12 @@ def refit_once(families: Sequence[Family], current: Candidates, inliers: Floats)
         weights = inliers[rows] * family.noise.weights(residuals[rows], scales[rows])
         fitted, valid = family.observed_set.fit(weights)
         fitted, rows = fitted[valid], rows[valid]
-        new_residuals = family.residuals(fitted)
-        new_scales = family.noise.scales(new_residuals, inliers[rows], scales[rows])
-        residuals[rows], scales[rows] = new_residuals, new_scales
-        gains[rows] = family.gains(fitted, new_residuals, new_scales, inliers[rows])
+        new = family.measured(fitted, inliers[rows], scales[rows])
+        residuals[rows], scales[rows] = new.residuals, new.scales
+        lengths[rows], shapes[rows] = new.lengths, new.shapes
+        gains[rows] = family.gains(fitted, new.residuals, new.scales, inliers[rows])
         for row, point in zip(rows, fitted, strict=True):
             points[row] = point
-    return Candidates(current.set_indices, current.modes, tuple(points), scales, residuals, gains)
+    return Candidates(
+        current.set_indices, current.modes, tuple(points), scales, residuals, gains, lengths, shapes
+    )
