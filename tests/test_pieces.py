@@ -32,11 +32,26 @@ def test_bodies_that_are_apart_are_two_although_they_move_almost_alike(seed: int
     assert labels[0] != labels[-1]
 
 
+def roof(rng: np.random.Generator) -> Floats:
+    """Two squares that meet, the faces of a roof: parallax is along one direction, 2 px at most."""
+    first = rng.uniform([0.0, 0.0], [200.0, 100.0], (80, 2))
+    height = 1.0 - np.abs(first[:, :1] - 100.0) / 100.0
+    points = np.stack([first, first + [60.0, 20.0] + 2.0 * height * [0.8, 0.6]], axis=1)
+    return np.asarray(points + rng.normal(0, 0.2, points.shape))
+
+
 @pytest.mark.parametrize("seed", range(3))
 def test_parts_that_touch_are_one_object_within_its_parallax(seed: int) -> None:
+    labels = mssegment.segment_tracks(roof(np.random.default_rng(seed)), SETTINGS).labels
+    assert len(np.unique(labels[labels > 0])) == 1
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_parts_that_turn_against_each_other_are_two_although_they_touch(seed: int) -> None:
     points = two_squares(np.random.default_rng(seed), 0.0, 0.04)
     labels = mssegment.segment_tracks(points, SETTINGS).labels
-    assert len(np.unique(labels[labels > 0])) == 1
+    truth = np.repeat([1, 2], 40)
+    assert max((labels == truth).mean(), (labels == 3 - truth).mean()) > 0.9
 
 
 def test_a_chain_of_touching_pieces_is_one_group() -> None:

@@ -12,7 +12,7 @@ from mssegment.records import Floats
 from mssegment.segmentation.mdl.likelihood import Noise
 from mssegment.segmentation.mdl.relief import Misfits, Relief, relief_cost
 
-EPIPOLE = np.array([500.0, 900.0])
+EPIPOLE = (500.0, 900.0)
 ONE = np.ones((1, 400))
 
 
@@ -20,13 +20,31 @@ def noise(parallax: float = 0.0, tracks: int = 400) -> Noise:
     return Noise(2, 1, 0.3, 3.0, 0.0, 12.0, np.full(tracks, parallax))
 
 
-def body(rng: np.random.Generator, relief: float, error: float = 0.5) -> Misfits:
-    """Misfits of 400 matches of a body, along the lines to ``EPIPOLE``, and errors."""
+def body(
+    rng: np.random.Generator,
+    relief: float,
+    error: float = 0.5,
+    epipole: tuple[float, float] = EPIPOLE,
+) -> Misfits:
+    """Misfits of 400 matches of a body, along the lines to ``epipole``, and errors."""
     places = rng.uniform(100, 500, (400, 2))
-    lines = EPIPOLE - places
+    lines = np.array(epipole) - places
     lines /= np.linalg.norm(lines, axis=1, keepdims=True)
     misfits = relief * rng.normal(size=(400, 1)) * lines + rng.normal(0, error, (400, 2))
     return Misfits(*(each[None] for each in (*misfits.T, *places.T)))
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_an_epipole_in_the_picture_is_found(seed: int) -> None:
+    found = Relief.of(body(np.random.default_rng(seed), 12.0, epipole=(260.0, 330.0)), ONE, noise())
+    assert 0.3 < found.across[0] < 0.6
+
+
+def test_misfits_of_equal_scales_are_their_lengths() -> None:
+    misfits = body(np.random.default_rng(0), 0.0, error=0.1)
+    found = Relief.of(misfits, ONE, noise())
+    assert found.along[0] == found.across[0] == 0.3
+    np.testing.assert_allclose(found.residuals, misfits.lengths, rtol=1e-4)
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -92,8 +110,8 @@ def test_parallax_is_noise_along_the_lines_only() -> None:
 
 
 def test_relief_within_the_parallax_states_no_scale() -> None:
-    within = relief_cost(np.array([0.5, 5.0, 1.0]), 100, noise())
-    beyond = relief_cost(np.array([0.5, 5.0, 5.0]), 100, noise())
+    within = relief_cost(np.array([0.5, 5.0, 1.0, 5.0]), 100, noise())
+    beyond = relief_cost(np.array([0.5, 5.0, 5.0, 1.0]), 100, noise())
     assert 0 < within < beyond
 
 

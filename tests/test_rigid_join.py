@@ -15,6 +15,10 @@ from mssegment.records import Floats
 from mssegment.segmentation.rigid_join import rigid_bodies
 from mssegment.segmentation.rigid_join.residuals import noise_of_groups
 
+Places = tuple[tuple[tuple[int, int], float], ...]
+NEAR: Places = (((40, 60), 8.0), ((240, 200), 12.0), ((440, 80), 18.0))
+APART: Places = (((20, 60), 5.0), ((320, 250), 20.0), ((440, 40), 18.0))
+"""Corners and depths of walls; those that are farther apart are two motions."""
 FOCAL, CENTRE = 700.0, np.array([320.0, 240.0])
 NOISE = 0.3
 
@@ -37,11 +41,14 @@ def seen(points: Floats, turn: Floats, shift: Floats, rng: np.random.Generator) 
 
 
 def scene(
-    seed: int, *, moves: bool, counts: tuple[int, ...] = (80, 60, 60)
+    seed: int,
+    *,
+    moves: bool,
+    counts: tuple[int, ...] = (80, 60, 60),
+    places: Places = NEAR,
 ) -> tuple[Floats, list[Floats]]:
     """Three walls before a camera that moves; the third may move by itself."""
     rng = np.random.default_rng(seed)
-    places = (((40, 60), 8.0), ((240, 200), 12.0), ((440, 80), 18.0))
     turn, shift = np.array([0.01, -0.02, 0.015]), np.array([0.6, 0.2, 0.15])
     own_turn, own_shift = np.array([-0.03, 0.05, 0.1]), np.array([0.2, -1.0, -0.4])
     parts = []
@@ -115,7 +122,7 @@ def test_epipolar_geometry_and_compatible_planes_hold() -> None:
 
 
 def test_the_motions_that_were_joined_are_documented() -> None:
-    points, _ = scene(1, moves=True)
+    points, _ = scene(1, moves=True, places=APART)
     rng = np.random.default_rng(0)
     wrong = rng.uniform(0, 480, (20, 2, 2))
     matches = np.concatenate([points, wrong])
@@ -127,7 +134,7 @@ def test_the_motions_that_were_joined_are_documented() -> None:
     assert sorted(np.concatenate([part.inliers for part in static.parts])) == sorted(static.inliers)
     assert not moving.parts
     assert moving.rigid_evidence is None
-    assert static.rms < 5
+    assert static.rms < 10
     assert any("motion 1 is one rigid body" in note for note in found.segmentation.notes)
     apart = mssegment.segment_tracks(
         matches,

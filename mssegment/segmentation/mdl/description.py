@@ -126,7 +126,7 @@ class Description(Record, frozen=True):
             if own.any():
                 family = self.families[int(motions.set_indices[k])]
                 square = float((family.noise.parallax[own] ** 2).mean())
-                _, along, free = motions.shapes[k].tolist()
+                _, along, free, _ = motions.shapes[k].tolist()
                 if np.isfinite(self.noise):
                     if not family.with_relief:
                         free = family.noise.free_scale(motions.residuals[k][own])

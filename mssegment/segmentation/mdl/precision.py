@@ -23,8 +23,12 @@ def scale_cost(
     Each order of magnitude is as likely as any other. Residuals have this dimension and follow a
     Student t distribution.
     """
-    nu, c = degrees_of_freedom, dimension
-    information = 2.0 * c if math.isinf(nu) else 2.0 * c * nu / (nu + c + 2.0)
-    precision = PRECISION_GAIN - 0.5 * math.log(information * count)
+    precision = PRECISION_GAIN - 0.5 * math.log(information(dimension, degrees_of_freedom) * count)
     orders = math.log(bounds[1] / bounds[0])
     return max(math.log(max(orders, MIN_LENGTH)) - precision, 0.0)
+
+
+def information(dimension: int, degrees_of_freedom: float) -> float:
+    """Fisher information of a residual about the logarithm of its scale."""
+    nu, c = degrees_of_freedom, dimension
+    return 2.0 * c if math.isinf(nu) else 2.0 * c * nu / (nu + c + 2.0)

@@ -15,7 +15,12 @@ from mssegment.geometry.projective import homogeneous_rows, transfer
 from mssegment.records import Floats, Record
 from mssegment.sampling.observed import ObservedSet
 from mssegment.segmentation.mdl.likelihood import Noise
-from mssegment.segmentation.mdl.precision import MIN_LENGTH, log_precision, scale_cost
+from mssegment.segmentation.mdl.precision import (
+    MIN_LENGTH,
+    information,
+    log_precision,
+    scale_cost,
+)
 
 ROUNDS = 4
 """Rounds of the epipole, the weights and the scales."""
@@ -65,6 +70,8 @@ class Relief(Record, frozen=True):
         every body may have are lower bounds.
     free : ndarray [B]
         The scale along the lines without bounds.
+    least : ndarray [B]
+        Its lower bound.
     residuals : ndarray [B, P]
         Lengths of the misfits, each direction over its scale, times ``scales``.
     """
@@ -72,6 +79,7 @@ class Relief(Record, frozen=True):
     across: Floats
     along: Floats
     free: Floats
+    least: Floats
     residuals: Floats
 
     @property
@@ -81,8 +89,8 @@ class Relief(Record, frozen=True):
 
     @property
     def shapes(self) -> Floats:
-        """The scales across, along, and along without bounds, [B, 3]."""
-        return np.stack([self.across, self.along, self.free], axis=1)
+        """The scales across, along, along without bounds, and their bound, [B, 4]."""
+        return np.stack([self.across, self.along, self.free, self.least], axis=1)
 
     def where_it_pays(self, lengths: Floats, inliers: Floats, noise: Noise) -> Relief:
         """The same, but isotropic where relief saves less on the ``inliers`` than it costs.
@@ -98,6 +106,7 @@ class Relief(Record, frozen=True):
             np.where(pays, self.across, scales),
             np.where(pays, self.along, scales),
             np.where(pays, self.free, scales),
+            self.least,
             np.where(pays[:, None], self.residuals, lengths),
         )
 
@@ -114,7 +123,7 @@ class Relief(Record, frozen=True):
         places = _centred(misfits, inliers, count)
         right, down = misfits.right, misfits.down
         square = right**2 + down**2
-        lines = np.stack([-down, right, right * places[1] - down * places[0]], axis=1)
+        lines = np.stack([-down, right, down * places[0] - right * places[1]], axis=1)
         least = np.maximum(noise.floor, np.sqrt(inliers @ noise.parallax**2 / count))
         start = np.maximum(np.sqrt((inliers * square).sum(axis=1) / (2 * count)), noise.floor)
         scaled = square / start[:, None] ** 2
@@ -128,22 +137,26 @@ class Relief(Record, frozen=True):
             across = np.clip(across, noise.floor, noise.cap)
             along = np.maximum(np.maximum(free, least), across)
             scaled = across_square / across[:, None] ** 2 + along_square / along[:, None] ** 2
-        return cls(across, along, free, np.sqrt(scaled * (across * along)[:, None]))
+        return cls(across, along, free, least, np.sqrt(scaled * (across * along)[:, None]))
 
 
 def relief_cost(shape: Floats, count: int, noise: Noise) -> float:
-    """Nats to code the scales (across, along, free along) of ``count`` tracks, and the epipole.
+    """Nats to code the scales of ``count`` tracks (a row of ``Relief.shapes``), and the epipole.
 
-    The scale along the lines is anything up to the extent of the scene, or, in another code, the
-    parallax that every body may have; which code it is costs ln 2. The direction of the epipole
-    matters as far as the scales differ.
+    The scale along the lines is anything up to the extent of the scene, or, in another code, its
+    lower bound, which loses what the scale beyond it saves; which code it is costs ln 2. The
+    direction of the epipole is known as well as the misfits show it; of a flat motion any will do.
     """
-    across, along, free = shape.tolist()
+    across, along, free, least = shape.tolist()
     nu = noise.degrees_of_freedom
     total = math.log(2.0) + scale_cost((noise.floor, noise.cap), 1, count, nu)
-    if free >= along:
-        total += scale_cost((noise.floor, math.exp(noise.log_extent)), 1, count, nu)
-    excess = max(along / across - across / along, MIN_LENGTH)
+    beyond = max(math.log(max(free, MIN_LENGTH) / max(least, across)), 0.0)
+    total += min(
+        scale_cost((noise.floor, math.exp(noise.log_extent)), 1, count, nu),
+        0.5 * count * information(1, nu) * beyond**2,
+    )
+    curvature = max(free**2 - across**2, 0.0) * (across**-2 - along**-2)
+    excess = math.sqrt(max(curvature, MIN_LENGTH))
     return total + max(math.log(math.pi) - log_precision(1.0 / excess, count), 0.0)
 
 
