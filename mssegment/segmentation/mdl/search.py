@@ -22,7 +22,6 @@ from mssegment.segmentation.mdl.candidates import Candidates, concatenate
 from mssegment.segmentation.mdl.contact import contacts
 from mssegment.segmentation.mdl.description import Description
 from mssegment.segmentation.mdl.refinement import refine
-from mssegment.segmentation.mdl.relief import Misfits
 
 MAX_PROPOSALS = 3
 """Candidates that are tried as an addition; each saves on other tracks than those before."""
@@ -173,7 +172,6 @@ def split_sets(current: Candidates, description: Description) -> list[Candidates
     """
     labels = description.labels(current)
     sets = split_at_gaps(current, labels, description)
-    sets += split_by_misfit(current, labels, description)
     for i, j in combinations_with_replacement(range(len(current)), 2):
         family = description.families[int(current.set_indices[i])]
         if (
@@ -210,29 +208,6 @@ def split_at_gaps(
         parts = (halves[0] + 2 * halves[1]).astype(np.int64)
         if contacts(parts, description.neighbours, 2)[0, 1] > GAP:
             continue
-        rest = current.without(k)
-        for family in description.families:
-            for both in family.fitted(halves, current.modes[[k, k]]):
-                if len(both) == 2:
-                    sets.append(concatenate([rest, both]))
-    return sets
-
-
-def split_by_misfit(
-    current: Candidates, labels: Integers, description: Description
-) -> list[Candidates]:
-    """All sets with the tracks of one motion with relief split in two by their misfits.
-
-    Where one map fits two bodies, each of them misfits in a direction of its own.
-    """
-    sets = []
-    for k in range(len(current)):
-        own = description.families[int(current.set_indices[k])]
-        if not own.with_relief:
-            continue
-        misfits = Misfits.of(own.observed_set, current.points[k][None])
-        vectors = np.stack([misfits.right[0], misfits.down[0]], axis=1)
-        halves = split_tracks(labels == k + 1, vectors)
         rest = current.without(k)
         for family in description.families:
             for both in family.fitted(halves, current.modes[[k, k]]):
