@@ -51,6 +51,8 @@ class Ingredients(Record, frozen=True):
 
 
 ALL_INGREDIENTS = Ingredients()
+PLANE_PARAMETERS = 6
+"""Of a plane before an affine camera. Models with fewer misfit in other directions as well."""
 
 
 def has_perspective_planes(problem: SelectionProblem) -> bool:
@@ -140,6 +142,7 @@ def make_families(problem: SelectionProblem, ingredients: Ingredients) -> list[F
             and problem.points.shape[1] == 2
             and bool(np.isfinite(problem.noise))
             and maps_the_plane(model)
+            and model.parameters >= PLANE_PARAMETERS
         )
         families.append(Family(index, observed_set, noise, relief))
     return families
