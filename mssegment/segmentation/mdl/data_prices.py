@@ -110,7 +110,7 @@ def on_all_points(
             residuals[rows] = family.residuals(points)
             scales = found.scales[rows]
             gains[rows] = family.gains(points, residuals[rows], scales, np.zeros((0, 0)))
-    whole = replace(found, residuals=residuals, gains=gains)
+    whole = replace(found, residuals=residuals, gains=gains, lengths=residuals)
     return whole, replace(description, families=families, positions=problem.points[:, 0])
 
 
