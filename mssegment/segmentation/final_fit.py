@@ -37,6 +37,7 @@ def final_fit(problem: SelectionProblem, selected: SelectionResult) -> Fit:
     if not selected.refitted:
         refitted = _refit(problem, selected.motions, owner)
     residuals = _residuals(problem, refitted)
+    owner = _in_front(owner, residuals)
     bodies = selected.bodies
     if bodies is None:
         bodies = tuple(Body((j,)) for j in range(len(refitted)))
@@ -170,6 +171,14 @@ def _residuals(problem: SelectionProblem, selected: Sequence[SelectedMotion]) ->
         if rows:
             residuals[rows] = observed_set.residuals(np.stack([selected[j].point for j in rows]))
     return residuals
+
+
+def _in_front(owner: Integers, residuals: Floats) -> Integers:
+    """The owners, -1 for tracks that a plane which the fit has turned puts behind the camera."""
+    if not len(residuals):
+        return owner
+    own = residuals[owner, np.arange(len(owner))]
+    return np.where(np.isfinite(own), owner, -1)
 
 
 def _owners(selected: Sequence[SelectedMotion], residuals: Floats) -> Integers:

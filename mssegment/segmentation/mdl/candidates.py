@@ -50,9 +50,9 @@ class Candidates(Record, frozen=True):
         Nats that each motion saves on each track.
     lengths : ndarray [K, P]
         Residuals in pixels.
-    shapes : ndarray [K, 4]
+    shapes : ndarray [K, 5]
         Scales in pixels across and along the relief, along it without bounds, and their bound;
-        ``scales`` for motions without relief.
+        ``scales`` for motions without relief. Nats to tell the epipole.
     """
 
     set_indices: Integers
@@ -71,7 +71,7 @@ class Candidates(Record, frozen=True):
     def empty(tracks: int) -> Candidates:
         """No candidates, for this number of tracks."""
         empty, rows = np.zeros(0, dtype=np.int64), np.zeros((0, tracks))
-        return Candidates(empty, empty, (), np.zeros(0), rows, rows, rows, np.zeros((0, 4)))
+        return Candidates(empty, empty, (), np.zeros(0), rows, rows, rows, np.zeros((0, 5)))
 
     def take(self, index: Sequence[int] | Integers) -> Candidates:
         """The candidates with these indices."""
@@ -190,7 +190,8 @@ class Family(Record, frozen=True):
         if not self.with_relief:
             residuals = self.residuals(points)
             scales = self.noise.scales(residuals, inliers, start)
-            return Measured(scales, residuals, residuals, np.repeat(scales[:, None], 4, axis=1))
+            shapes = np.stack([*[scales] * 4, np.zeros_like(scales)], axis=1)
+            return Measured(scales, residuals, residuals, shapes)
         misfits = Misfits.of(self.observed_set, points)
         relief = Relief.of(misfits, inliers, self.noise)
         if not self.noise.parallax.any():

@@ -23,14 +23,13 @@ from mssegment.segmentation.mdl.degrees import (
 )
 from mssegment.segmentation.mdl.granularity import NOISE_SCALES
 from mssegment.segmentation.mdl.labelling import (
-    frequency_cost,
     frequency_labels,
     mixture_labels,
     neighbour_cost,
     smooth_labels,
 )
 from mssegment.segmentation.mdl.precision import MIN_LENGTH, log_precision, scale_cost
-from mssegment.segmentation.mdl.relief import relief_cost
+from mssegment.segmentation.mdl.relief import misfit_across, relief_cost
 from mssegment.special import median
 
 SUBSETS_PER_MOTION = 2
@@ -40,6 +39,9 @@ RESIDUAL_CAP = 1e4
 LOOSE = 1.7
 """Largest median of the residuals of a motion, over that which its scale makes expect. On random
 scenes: 1.4 rejects clouds of static points with depth, 2.0 takes mismatches in large pictures."""
+ACROSS_RELIEF = 1 / 3
+"""Largest misfit across the lines, over that along them, of relief that exceeds all noise; of
+mismatches near a scene it is more than a half."""
 PENALTY = 1e6
 """Nats per violated bound; more than any description saves."""
 
@@ -110,13 +112,26 @@ class Description(Record, frozen=True):
         if self.neighbours is None or not self.label_cost or not len(motions):
             return labels, saved
         if self.by_contact:
-            cost = contact_cost(labels, self.neighbours, self._smooth_shares(motions, labels))
-            return labels, saved + frequency_cost(labels) - cost
+            found = self._by_contact(motions, labels)
+            if len(motions) > 1 and np.isfinite(self.noise):
+                # pieces that are apart would touch by one match that another wins by chance
+                smooth = smooth_labels(motions.gains, self.neighbours, labels)
+                other = self._by_contact(motions, smooth)
+                found = max(found, other, key=lambda each: each[1])
+            return found
         if len(motions) > 1:
             labels = smooth_labels(motions.gains, self.neighbours, labels)
         assigned = labels > 0
         saved = float(motions.gains[labels[assigned] - 1, np.flatnonzero(assigned)].sum())
         return labels, saved - neighbour_cost(labels, self.neighbours)
+
+    def _by_contact(self, motions: Candidates, labels: Integers) -> tuple[Integers, float]:
+        """The labels, and the nats that they save, coded by contact."""
+        assert self.neighbours is not None
+        assigned = labels > 0
+        saved = float(motions.gains[labels[assigned] - 1, np.flatnonzero(assigned)].sum())
+        shares = self._smooth_shares(motions, labels)
+        return labels, saved - contact_cost(labels, self.neighbours, shares)
 
     def _smooth_shares(self, motions: Candidates, labels: Integers) -> Floats:
         """The share of the squared misfit of each motion that is parallax, [m]."""
@@ -126,7 +141,7 @@ class Description(Record, frozen=True):
             if own.any():
                 family = self.families[int(motions.set_indices[k])]
                 square = float((family.noise.parallax[own] ** 2).mean())
-                _, along, free, _ = motions.shapes[k].tolist()
+                _, along, free = motions.shapes[k, :3].tolist()
                 if np.isfinite(self.noise):
                     if not family.with_relief:
                         free = family.noise.free_scale(motions.residuals[k][own])
@@ -157,10 +172,17 @@ class Description(Record, frozen=True):
         """
         found = 0
         for k in range(len(motions)):
-            own = motions.residuals[k][labels == k + 1]
+            tracks = labels == k + 1
+            own, shape = motions.residuals[k][tracks], motions.shapes[k]
             noise = self.families[int(motions.set_indices[k])].noise
             limit = LOOSE * noise.quantile(0.5) * float(motions.scales[k])
-            found += bool(len(own)) and median(own) > limit
+            loose = bool(len(own)) and median(own) > limit
+            if len(own) and shape[1] > max(noise.cap, shape[3]):
+                # what no isotropic noise explains is relief, across which there is noise, or little
+                across = median(misfit_across(shape, own, motions.lengths[k][tracks]))
+                across /= noise.median_of_coordinate
+                loose |= across > max(LOOSE * noise.middle, ACROSS_RELIEF * float(shape[1]))
+            found += loose
         return found
 
     def saved_without_bounds(self, motions: Candidates) -> float:

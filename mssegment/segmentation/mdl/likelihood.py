@@ -18,6 +18,8 @@ from mssegment.records import Floats, Record
 
 DEGREES_OF_FREEDOM = 2.5
 """Of the Student t distribution of the residuals; infinity is Gaussian."""
+MEDIANS_OF_COORDINATE = (0.785, 0.6745)
+"""Medians of the size of such a Student t variable, and of a normal one."""
 MAX_SCALE_OF_PARALLAX = 2.5
 """Largest scale of a motion, relative to the parallax that is noise."""
 SCALE_ROUNDS = 4
@@ -114,6 +116,16 @@ class Noise(Record, frozen=True):
             return math.inf
         squared = -2 * math.log(share) if np.isinf(nu) else nu * (share ** (-2 / nu) - 1)
         return math.sqrt(squared / self.residual_terms)
+
+    @property
+    def median_of_coordinate(self) -> float:
+        """The median size of one coordinate of a residual, over the scale of its motion."""
+        return MEDIANS_OF_COORDINATE[int(np.isinf(self.degrees_of_freedom))]
+
+    @property
+    def middle(self) -> float:
+        """The scale in the middle, in logarithms, between ``floor`` and ``cap``."""
+        return math.sqrt(self.floor * self.cap)
 
     def standard_deviation(self, residuals: Floats) -> float:
         """Standard deviation in pixels of one coordinate, for tracks with these residuals [n]."""

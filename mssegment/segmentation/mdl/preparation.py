@@ -115,6 +115,7 @@ def make_families(problem: SelectionProblem, ingredients: Ingredients) -> list[F
     if not is_of_pictures(problem):
         return data_families(problem)
     outlier_cost = uniform_cost(problem.points)
+    exact = any(one.model.leaves_parallax_free for one in problem.observed_sets)
     families = []
     for index, observed_set in enumerate(problem.observed_sets):
         model, normalization = observed_set.model, observed_set.hypotheses.normalization
@@ -140,6 +141,7 @@ def make_families(problem: SelectionProblem, ingredients: Ingredients) -> list[F
         relief = (
             granularity == "object"
             and problem.points.shape[1] == 2
+            and not exact  # the essential matrix describes the relief of a scene
             and bool(np.isfinite(problem.noise))
             and maps_the_plane(model)
             and model.parameters >= PLANE_PARAMETERS

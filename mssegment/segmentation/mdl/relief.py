@@ -17,8 +17,8 @@ from mssegment.sampling.observed import ObservedSet
 from mssegment.segmentation.mdl.likelihood import Noise
 from mssegment.segmentation.mdl.precision import (
     MIN_LENGTH,
+    PRECISION_GAIN,
     information,
-    log_precision,
     scale_cost,
 )
 
@@ -72,6 +72,8 @@ class Relief(Record, frozen=True):
         The scale along the lines without bounds.
     least : ndarray [B]
         Its lower bound.
+    told : ndarray [B]
+        Nats to tell the epipole, as precisely as the misfits show it.
     residuals : ndarray [B, P]
         Lengths of the misfits, each direction over its scale, times ``scales``.
     """
@@ -80,6 +82,7 @@ class Relief(Record, frozen=True):
     along: Floats
     free: Floats
     least: Floats
+    told: Floats
     residuals: Floats
 
     @property
@@ -89,8 +92,8 @@ class Relief(Record, frozen=True):
 
     @property
     def shapes(self) -> Floats:
-        """The scales across, along, along without bounds, and their bound, [B, 4]."""
-        return np.stack([self.across, self.along, self.free, self.least], axis=1)
+        """The scales across, along, along without bounds, and their bound; the epipole [B, 5]."""
+        return np.stack([self.across, self.along, self.free, self.least, self.told], axis=1)
 
     def where_it_pays(self, lengths: Floats, inliers: Floats, noise: Noise) -> Relief:
         """The same, but isotropic where relief saves less on the ``inliers`` than it costs.
@@ -107,6 +110,7 @@ class Relief(Record, frozen=True):
             np.where(pays, self.along, scales),
             np.where(pays, self.free, scales),
             self.least,
+            np.where(pays, self.told, 0.0),
             np.where(pays[:, None], self.residuals, lengths),
         )
 
@@ -130,24 +134,27 @@ class Relief(Record, frozen=True):
         for _ in range(ROUNDS):
             weights = inliers * _weights(scaled, nu)
             normal = (weights[:, None] * lines) @ np.swapaxes(lines, 1, 2)
-            across_square = _across(lines, places, np.linalg.eigh(normal)[1][:, :, 0])
+            values, vectors = np.linalg.eigh(normal)
+            across_square, distances = _across(lines, places, vectors[:, :, 0])
             along_square = np.maximum(square - across_square, 0.0)
             free = np.sqrt((weights * along_square).sum(axis=1) / count)
             across = np.sqrt((weights * across_square).sum(axis=1) / count)
             across = np.clip(across, noise.floor, noise.cap)
             along = np.maximum(np.maximum(free, least), across)
             scaled = across_square / across[:, None] ** 2 + along_square / along[:, None] ** 2
-        return cls(across, along, free, least, np.sqrt(scaled * (across * along)[:, None]))
+        distance = (inliers * distances).sum(axis=1) / count
+        told = _epipole_cost((values - values[:, :1])[:, 1:], across**-2 - along**-2, distance)
+        residuals = np.sqrt(scaled * (across * along)[:, None])
+        return cls(across, along, free, least, told, residuals)
 
 
 def relief_cost(shape: Floats, count: int, noise: Noise) -> float:
     """Nats to code the scales of ``count`` tracks (a row of ``Relief.shapes``), and the epipole.
 
     The scale along the lines is anything up to the extent of the scene, or, in another code, its
-    lower bound, which loses what the scale beyond it saves; which code it is costs ln 2. The
-    direction of the epipole is known as well as the misfits show it; of a flat motion any will do.
+    lower bound, which loses what the scale beyond it saves; which code it is costs ln 2.
     """
-    across, along, free, least = shape.tolist()
+    across, _, free, least, told = shape.tolist()
     nu = noise.degrees_of_freedom
     total = math.log(2.0) + scale_cost((noise.floor, noise.cap), 1, count, nu)
     beyond = max(math.log(max(free, MIN_LENGTH) / max(least, across)), 0.0)
@@ -155,9 +162,17 @@ def relief_cost(shape: Floats, count: int, noise: Noise) -> float:
         scale_cost((noise.floor, math.exp(noise.log_extent)), 1, count, nu),
         0.5 * count * information(1, nu) * beyond**2,
     )
-    curvature = max(free**2 - across**2, 0.0) * (across**-2 - along**-2)
-    excess = math.sqrt(max(curvature, MIN_LENGTH))
-    return total + max(math.log(math.pi) - log_precision(1.0 / excess, count), 0.0)
+    return float(total + told)
+
+
+def misfit_across(shape: Floats, residuals: Floats, lengths: Floats) -> Floats:
+    """Misfits [n] in pixels across the lines of a motion with relief (a row of ``Relief.shapes``).
+
+    From the ``residuals`` [n], each direction over its scale, and the ``lengths`` [n].
+    """
+    across, along = shape[0], shape[1]
+    square = residuals**2 / (across * along) - lengths**2 / along**2
+    return np.asarray(np.sqrt(np.maximum(square / (across**-2 - along**-2), 0.0)))
 
 
 def _weights(scaled: Floats, freedom: float) -> Floats:
@@ -176,9 +191,24 @@ def _centred(misfits: Misfits, inliers: Floats, count: Floats) -> tuple[Floats, 
     return x / radius, y / radius
 
 
-def _across(lines: Floats, places: tuple[Floats, Floats], epipoles: Floats) -> Floats:
-    """Squared misfits [B, P] across the lines to the ``epipoles`` [B, 3]."""
+def _epipole_cost(curvatures: Floats, precision: Floats, distance: Floats) -> Floats:
+    """Nats to tell epipoles: points of the half-sphere, to the precision of the misfits.
+
+    ``curvatures`` [B, 2] are those of the squared misfits across the lines, times the squared
+    ``distance`` [B] from the epipole; ``precision`` [B] is their factor in the log-likelihood. Of a
+    flat motion any epipole will do.
+    """
+    known = curvatures * (precision / np.maximum(distance, TINY))[:, None]
+    each = 0.5 * math.log(2.0 * math.pi) + 0.5 * np.log(np.maximum(known, TINY)) - PRECISION_GAIN
+    return np.asarray(np.maximum(each, 0.0).sum(axis=1))
+
+
+def _across(
+    lines: Floats, places: tuple[Floats, Floats], epipoles: Floats
+) -> tuple[Floats, Floats]:
+    """Squared misfits [B, P] across the lines to the ``epipoles`` [B, 3], squared distances."""
     algebraic = (epipoles[:, None] @ lines)[:, 0]
     x = epipoles[:, :1] - epipoles[:, 2:] * places[0]
     y = epipoles[:, 1:2] - epipoles[:, 2:] * places[1]
-    return np.asarray(algebraic**2 / (x**2 + y**2 + TINY))
+    square = x**2 + y**2 + TINY
+    return np.asarray(algebraic**2 / square), np.asarray(square)

@@ -9,5 +9,6 @@
 
 from mssegment.segmentation.rigid_join.bodies import MIN_MATCHES, pair_evidence, rigid_bodies
 from mssegment.segmentation.rigid_join.matches import body_gains
+from mssegment.segmentation.rigid_join.residuals import LEAST_GROUP
 
-__all__ = ["MIN_MATCHES", "body_gains", "pair_evidence", "rigid_bodies"]
+__all__ = ["LEAST_GROUP", "MIN_MATCHES", "body_gains", "pair_evidence", "rigid_bodies"]

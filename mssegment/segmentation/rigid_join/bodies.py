@@ -28,6 +28,7 @@ from mssegment.segmentation.rigid_join.depths import (
     DepthEvidence,
     EpipolarCoordinates,
     middle_and_relief,
+    slant_over_noise,
 )
 from mssegment.segmentation.rigid_join.epipoles import (
     FREEDOM,
@@ -41,7 +42,7 @@ from mssegment.special import quantile
 
 MIN_MATCHES = 4
 """Fewest matches of a group: three do not say more than their affine map."""
-MIN_EVIDENCE = 2.0
+MIN_EVIDENCE = 4.0
 """Nats that each member must add to the evidence for a body."""
 INDEPENDENT_MATCHES = 50
 """The likelihood of more matches counts as that of so many: their errors are not independent, and
@@ -225,13 +226,14 @@ def _table(
         np.concatenate([group.misfits for group in groups]),
     )
     table = EpipoleTable.of(parallax, epipole)
-    apart = np.array(
-        [
-            max(table.log_mean([k]), _evidence_apart(group, place, scale))
-            for k, (group, place) in enumerate(zip(groups, places, strict=True))
-        ]
-    )
-    return table, apart
+    coordinates = EpipolarCoordinates(plane, epipole, 1.0)
+    apart = []
+    for k, (group, place) in enumerate(zip(groups, places, strict=True)):
+        translates = table.log_mean([k])
+        if k > 0 and fit is not None:
+            translates -= _price_of_slant(group, coordinates, scale)
+        apart.append(max(translates, _evidence_apart(group, place, scale)))
+    return table, np.array(apart)
 
 
 def _members(groups: Sequence[_Group], fitted_to: Sequence[int], scale: float) -> _Hypothesis:
@@ -273,6 +275,19 @@ def _depths(groups: Sequence[_Group], fit: EpipolarFit, scale: float) -> DepthEv
     ]
     middles, reliefs = np.array(found).T
     return DepthEvidence(middles, reliefs, scale)
+
+
+def _price_of_slant(group: _Group, coordinates: EpipolarCoordinates, scale: float) -> float:
+    """What it costs a group that translates by itself to have its parallax along lines.
+
+    Only parallel planes leave parallax of one epipole when they translate by themselves. Where the
+    planes are not parallel, the depths of one change relative to the other, and the parallax would
+    be as much across the lines as along them: it is not, to the precision of its matches.
+    """
+    found = coordinates.inverse_depth(group.first, group.second)
+    slant = slant_over_noise(group.first, found, scale)
+    slant *= math.sqrt(min(group.size, INDEPENDENT_MATCHES))
+    return float(np.log(np.maximum(slant, 1.0)).sum())
 
 
 def _evidence_apart(group: _Group, places: Floats, scale: float) -> float:

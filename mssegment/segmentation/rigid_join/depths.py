@@ -161,22 +161,56 @@ def _similarity(matrix: Floats, first: Floats, second: Floats) -> Floats:
     return np.stack([turned.real, turned.imag], axis=1) + centres[1]
 
 
+class _Plane(Record, frozen=True):
+    """Inverse depths of a group as an affine function of the place.
+
+    ``coefficients`` [3] are of the ``rows`` [P, 3]; misfits [P], their scale, and weights [P].
+    """
+
+    rows: Floats
+    coefficients: Floats
+    misfit: Floats
+    scale: float
+    weights: Floats
+
+    @classmethod
+    def of(cls, places: Floats, found: InverseDepth, noise: float) -> _Plane:
+        """Fitted robustly to matches at ``places`` [P, 2], whose origin is their mean."""
+        rows = homogeneous(places)
+        precision = np.minimum(found.distances, 1.0) ** 2
+        weights = precision
+        for _ in range(ROUNDS):
+            normal = (rows * weights[:, None]).T @ rows
+            normal += 1e-9 * np.trace(normal) * np.eye(3)
+            solved = np.linalg.solve(normal, (rows * weights[:, None]).T @ found.values)
+            misfit = np.abs(found.values - rows @ solved)
+            scale = max(noise, NORMAL_DEVIATION * median(misfit))
+            weights = precision * student_t_weights((misfit / scale) ** 2, FREEDOM, 1)
+        return cls(rows, solved, misfit, scale, weights)
+
+
 def middle_and_relief(first: Floats, found: InverseDepth, noise: float) -> tuple[float, float]:
     """Inverse depth of a group in its middle, and the standard deviation within it.
 
     A plane is fitted robustly to the group's matches [P, 2]; relief is that of the plane and, up to
     three scales of the misfit, that about it.
     """
-    rows = homogeneous(first - first.mean(axis=0))
-    precision = np.minimum(found.distances, 1.0) ** 2
-    weights = precision
-    for _ in range(ROUNDS):
-        normal = (rows * weights[:, None]).T @ rows
-        normal += 1e-9 * np.trace(normal) * np.eye(3)
-        plane = rows @ np.linalg.solve(normal, (rows * weights[:, None]).T @ found.values)
-        misfit = np.abs(found.values - plane)
-        scale = max(noise, NORMAL_DEVIATION * median(misfit))
-        weights = precision * student_t_weights((misfit / scale) ** 2, FREEDOM, 1)
-    middle = float(np.average(plane, weights=weights))
-    square = (plane - middle) ** 2 + np.minimum(misfit, 3 * scale) ** 2
-    return middle, max(math.sqrt(float(np.average(square, weights=weights))), 1e-3 * noise)
+    fit = _Plane.of(first - first.mean(axis=0), found, noise)
+    plane = fit.rows @ fit.coefficients
+    middle = float(np.average(plane, weights=fit.weights))
+    square = (plane - middle) ** 2 + np.minimum(fit.misfit, 3 * fit.scale) ** 2
+    return middle, max(math.sqrt(float(np.average(square, weights=fit.weights))), 1e-3 * noise)
+
+
+def slant_over_noise(first: Floats, found: InverseDepth, noise: float) -> Floats:
+    """How far inverse depth changes over a group along the axes of its places, over its scale [2].
+
+    A plane parallel to that from which displacements are measured has none.
+    """
+    places = first - first.mean(axis=0)
+    places = places @ np.linalg.eigh(places.T @ places)[1]
+    distance = median(found.distances)
+    about = InverseDepth(found.values * distance, found.distances / distance)
+    fit = _Plane.of(places, about, noise)
+    slant = np.abs(fit.coefficients[:2]) * np.sqrt((places**2).mean(axis=0))
+    return np.asarray(slant / fit.scale)
