@@ -18,6 +18,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from mssegment.records import Integers, replace
+from mssegment.segmentation.mdl.blends import without_blends
 from mssegment.segmentation.mdl.candidates import Candidates
 from mssegment.segmentation.mdl.continuity import merge_faces
 from mssegment.segmentation.mdl.data_prices import on_all_points, sample_of, without_unit
@@ -84,6 +85,7 @@ def _of_pictures(
     notes = list(notes)
     best, description = shortest_description(problem, ingredients)
     labels, best = final_labels(problem, best, description, ingredients.neighbour_labels)
+    labels = without_blends(problem, labels, best, description)
     if problem.options.granularity == "object" and problem.options.motions is None:
         labels, best = merge_faces(problem, labels, best, description)
     labels, groups = joined(problem, labels, best, description)

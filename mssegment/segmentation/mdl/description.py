@@ -161,7 +161,7 @@ class Description(Record, frozen=True):
         # motions without tracks do not count
         number = int((count > 0).sum())
         violation = max(self.min_motions - number, len(motions) - self.max_motions, 0.0)
-        cost = self._parameter_cost(motions, labels)
+        cost = self.parameter_cost(motions, labels)
         return saved - cost - PENALTY * (too_small + 1e3 * violation)
 
     def _too_loose(self, motions: Candidates, labels: Integers) -> int:
@@ -188,9 +188,9 @@ class Description(Record, frozen=True):
     def saved_without_bounds(self, motions: Candidates) -> float:
         """Nats that ``motions`` save, whether or not bounds are violated."""
         labels, saved = self._label(motions)
-        return saved - self._parameter_cost(motions, labels)
+        return saved - self.parameter_cost(motions, labels)
 
-    def _parameter_cost(self, motions: Candidates, labels: Integers) -> float:
+    def parameter_cost(self, motions: Candidates, labels: Integers) -> float:
         """Nats to code the parameters of all motions that have tracks."""
         inliers = labels == np.arange(1, len(motions) + 1)[:, None]
         count = inliers.sum(axis=1)
