@@ -85,7 +85,7 @@ def _misfit(body: Body, points: Floats, noise: float) -> Floats:
     The first steps are those of linear triangulation weighted by the depths before (Hartley and
     Sturm, Triangulation, 1997), the others are Gauss-Newton steps.
     """
-    visible = np.isfinite(points).all(axis=2)
+    visible = np.asarray(np.isfinite(points).all(axis=2))
     observed = np.where(visible[..., None], points, 0.0)
     centre, spread = _prior(body, points)
     projections = body.projections @ np.block([[spread, centre[:, None]], [np.zeros(3), 1.0]])

@@ -19,9 +19,10 @@ import numpy.typing as npt
 from mssegment.neighbours import nearest
 from mssegment.records import OUTLIER, Floats, Integers
 from mssegment.segmentation.mdl.candidates import Candidates
-from mssegment.segmentation.mdl.continuity import maps_the_plane, transfer_points
+from mssegment.segmentation.mdl.continuity import transfer_points
 from mssegment.segmentation.mdl.description import Description
-from mssegment.segmentation.mdl.labelling import LABEL_NEIGHBOURS
+from mssegment.segmentation.mdl.granularity import maps_the_plane
+from mssegment.segmentation.mdl.labelling import LABEL_NEIGHBOURS, STORED_FACTOR
 from mssegment.segmentation.mdl.likelihood import DEGREES_OF_FREEDOM
 from mssegment.segmentation.selection import SelectionProblem
 from mssegment.special import distinct, median
@@ -128,7 +129,7 @@ def _about(
     if not len(labelled):
         return np.zeros((0, len(tracks)), dtype=bool)
     positions = problem.points[:, 0]
-    count = min(LABEL_NEIGHBOURS, len(labelled))
+    count = min(STORED_FACTOR * LABEL_NEIGHBOURS, len(labelled))
     near = labels[labelled][nearest(positions[labelled], positions[tracks], count)[1]]
     return np.asarray((near[None] == np.array(used)[:, None, None]).any(axis=2))
 
