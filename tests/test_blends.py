@@ -49,6 +49,6 @@ def test_blends_are_outliers(moves: bool) -> None:
 @pytest.mark.parametrize("seed", range(4))
 def test_a_third_body_that_moves_half_as_far_stays(seed: int) -> None:
     rng = np.random.default_rng(seed)
-    points, labels = scene(rng, True, np.full(24, 0.5), 0.1)
+    points, _ = scene(rng, True, np.full(24, 0.5), 0.1)
     found = mssegment.segment_tracks(points, SETTINGS, frame_size=(640, 480))
     assert len(found.motions) == 3

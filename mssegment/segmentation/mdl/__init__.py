@@ -6,7 +6,8 @@
 - ``candidates``: from modes to candidate motions;
 - ``search``, ``refinement``, ``pieces``: the set of motions that saves most;
 - ``preparation``, ``choice``, ``final_labels``: from the problem to the result;
-- ``granularity``, ``continuity``: whether planar surfaces are one object.
+- ``granularity``, ``continuity``: whether planar surfaces are one object;
+- ``blends``: motions that are none, of matches at the border of two others.
 """
 
 from mssegment.segmentation.mdl.choice import mdl

@@ -19,7 +19,7 @@ import numpy.typing as npt
 from mssegment.neighbours import nearest
 from mssegment.records import OUTLIER, Floats, Integers
 from mssegment.segmentation.mdl.candidates import Candidates
-from mssegment.segmentation.mdl.continuity import transfer_points
+from mssegment.segmentation.mdl.continuity import mapped_points
 from mssegment.segmentation.mdl.description import Description
 from mssegment.segmentation.mdl.granularity import maps_the_plane
 from mssegment.segmentation.mdl.labelling import LABEL_NEIGHBOURS, STORED_FACTOR
@@ -96,7 +96,7 @@ def _gains(
     """
     start, end = problem.points[tracks, 0], problem.points[tracks, 1]
     used = [int(k) for k in distinct(labels[labels > 0])]
-    places = [transfer_points(problem, current, k - 1, start) for k in used]
+    places = [mapped_points(problem, current, k - 1, start) for k in used]
     about = list(_about(problem, labels, tracks, used))
     if problem.static_camera:
         places.append(start)

@@ -97,7 +97,7 @@ def continuous_pairs(
         if min(len(distinct(one)), len(distinct(other))) < MIN_BORDER_TRACKS:
             continue
         between = np.linspace(positions[one], positions[other], POINTS_BETWEEN)
-        images = [transfer_points(problem, current, k, between) for k in (a, b)]
+        images = [mapped_points(problem, current, k, between) for k in (a, b)]
         least = np.linalg.norm(images[0] - images[1], axis=-1).min(axis=0)
         noise = NOISE_DEVIATIONS * np.hypot(current.scales[a], current.scales[b])
         if median(least / np.hypot(noise, parallax[one])) < 1 and not _not_rigid(
@@ -145,9 +145,7 @@ def _border(labels: Integers, near: Integers, a: int, b: int) -> tuple[Integers,
     )
 
 
-def transfer_points(
-    problem: SelectionProblem, current: Candidates, k: int, points: Floats
-) -> Floats:
+def mapped_points(problem: SelectionProblem, current: Candidates, k: int, points: Floats) -> Floats:
     """Map ``points`` [..., 2] of the first frame, in pixels, by motion ``k``, a 3 x 3 matrix."""
     normalization = problem.observed_sets[int(current.set_indices[k])].hypotheses.normalization
     scale, shape = normalization.scale, points.shape
