@@ -103,7 +103,8 @@ def _dotted(path: Path) -> str:
 
 def _directive(module: str, level: int) -> str:
     """The directive of mkdocstrings for what a module itself defines."""
-    members = ", ".join(_members(source_of(module)))
+    # quoted: a class named Null, On or Yes is no name in YAML
+    members = ", ".join(f'"{name}"' for name in _members(source_of(module)))
     return f"::: {module}\n    options:\n      heading_level: {level}\n      members: [{members}]\n"
 
 

@@ -14,6 +14,7 @@ import click
 import msgspec
 import numpy as np
 import pytest
+import yaml
 from test_architecture import LAYERS
 
 import mssegment
@@ -186,3 +187,11 @@ def importable(name: str) -> bool:
             functools.reduce(lambda t, part: getattr(t, part, None), parts[end:], thing) is not None
         )
     return False
+
+
+def test_members_of_the_reference_are_names_whatever_they_are_called() -> None:
+    for page in api_pages().values():
+        for members in re.findall(r"^      (members: \[.*\])$", page, flags=re.MULTILINE):
+            assert all(isinstance(name, str) for name in yaml.safe_load(members)["members"]), (
+                members
+            )
