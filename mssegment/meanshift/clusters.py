@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mssegment.meanshift.large import SAMPLE_SIZE, find_by_sample
+from mssegment.meanshift.modes import TIE_DECIMALS
 from mssegment.meanshift.search import ModeSearch, SearchResult
 from mssegment.meanshift.trajectories import Ascent
 from mssegment.records import Floats, Integers, State
@@ -15,9 +16,6 @@ from mssegment.records import Floats, Integers, State
 if TYPE_CHECKING:
     from concurrent.futures import Executor
 
-TIE_DECIMALS = 6
-"""Modes whose kernel sums agree to so many decimals, such as isolated points, are ranked by their
-first point instead of by rounding errors."""
 SAMPLE_ABOVE = 2 * SAMPLE_SIZE
 MEMORY_MB = 1000.0
 

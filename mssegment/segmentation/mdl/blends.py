@@ -23,12 +23,9 @@ from mssegment.segmentation.mdl.continuity import mapped_points
 from mssegment.segmentation.mdl.description import Description
 from mssegment.segmentation.mdl.granularity import maps_the_plane
 from mssegment.segmentation.mdl.labelling import LABEL_NEIGHBOURS, STORED_FACTOR
-from mssegment.segmentation.mdl.likelihood import DEGREES_OF_FREEDOM
+from mssegment.segmentation.mdl.likelihood import DEGREES_OF_FREEDOM, MEDIANS_OF_COORDINATE
 from mssegment.segmentation.selection import SelectionProblem
 from mssegment.special import distinct, median
-
-MIDDLE_OF_T = 0.75
-"""Median of the absolute value of Student's t with ``DEGREES_OF_FREEDOM``, over its scale."""
 
 
 def without_blends(
@@ -111,7 +108,7 @@ def _gains(
     if not blends.any():
         return np.zeros(len(tracks))
     noise = problem.noise if np.isfinite(problem.noise) else 0.0
-    scale = max(noise, median(across[blends]) / MIDDLE_OF_T, np.finfo(np.float64).tiny)
+    scale = max(noise, median(across[blends]) / MEDIANS_OF_COORDINATE[0], np.finfo(np.float64).tiny)
     nu = DEGREES_OF_FREEDOM
     normalizer = math.lgamma(nu / 2) - math.lgamma((nu + 1) / 2) + 0.5 * math.log(nu * math.pi)
     cost = (nu + 1) / 2 * np.log1p((across[blends] / scale) ** 2 / nu)
